@@ -168,7 +168,7 @@ def test_other_commands_refuse_and_say_what_to_do(tmp_path: Path, capsys: pytest
         assert main([command[0], str(bag), "--machine", "tufting", *command[1:]]) == 2
         said = capsys.readouterr().err.strip().splitlines()[-1]
         assert f"the chunk at byte {start} is damaged" in said
-        assert said.endswith(f"textile-twin recover '{bag}' --out DIR keeps what is whole")
+        assert said.endswith(f"textile-twin recover '{bag}' --out DIR recovers the intact part")
     assert main(["recover", str(bag), "--out", str(tmp_path / "whole")]) == 0
     recovered = open_bag(tmp_path / "whole")
     assert not recovered.notices and 0 < recovered.message_count < 40_000

@@ -1,4 +1,4 @@
-"""Recordings in and out, and what is done with whole ones. Each part is imported when it is first used."""
+"""Recordings: reading, writing, and processing of whole ones. Each part is imported when first used."""
 
 from __future__ import annotations
 

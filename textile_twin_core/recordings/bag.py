@@ -25,18 +25,18 @@ from textile_twin_core.recordings.sqlite_file import SQLITE_MAGIC, SqliteFile
 from textile_twin_core.recordings.zstd_storage import SUFFIXES, ZSTD_MAGIC, opened
 
 _Take = Callable[[str, int], FloatArray]
-"""Element k of a field of all messages of one layout: (field, k) -> (n,), NaN where there is none."""
+"""Reader of element k of a field in all messages of one layout: (field, k) -> (n,), NaN where it is missing."""
 
 
 class Bag(Recording):
-    """An opened recording: its topics (see Recording), and its samples as arrays. Made by open_bag.
+    """Opened recording with its samples as arrays; created by `open_bag`. See `Recording` for its topics.
 
-    The read functions raise RecordingError, one line, when the topic is not there, empty, of another type,
-    or never names the joint asked for. Values are as recorded: NaN stays NaN.
+    The read functions raise RecordingError if the topic is missing, empty or of another type, or never names the joint.
+    Values are returned as recorded: NaN stays NaN.
     """
 
     def read_angles(self, topic: str = "main_shaft/angle", joint: str = "main_shaft") -> AngleSamples:
-        """Shaft angles of a JointState topic (position of `joint`) or a Float64 topic."""
+        """Read shaft angles of a JointState topic (position of `joint`) or a Float64 topic."""
         info = self._readable(topic, JOINT_STATE, FLOAT64)
         if info.msgtype == FLOAT64:
             times, values = self._columns(info, lambda _, take: [take("data", 0)])
@@ -47,16 +47,22 @@ class Bag(Recording):
             return None if place is None else [take("position", place), take("velocity", place)]
 
         stamps, (angles, velocities) = self._columns(info, fields, joint)
-        velocities[np.isinf(velocities)] = np.nan  # what a sensor divides by no time at all is no speed
+        velocities[np.isinf(velocities)] = np.nan  # a speed over a time step of zero is not valid
         has_velocities = not np.isnan(velocities).all()
         return AngleSamples(info.name, stamps, angles, velocities if has_velocities else None)
 
     def read_torques(
         self, topic: str = "balancing_torque/measured", joint: str = "main_shaft", unit_Nm: float = 1.0
     ) -> TorqueSamples:
-        """Torques of a topic of WrenchStamped (torque.z), JointState (effort of `joint`) or Float64.
+        """Read torques of a topic of WrenchStamped (torque.z), JointState (effort of `joint`) or Float64.
 
-        unit_Nm: what one unit of them is; for a motor's current its torque constant times the gear ratio.
+        Args:
+            topic: Name of the topic.
+            joint: Joint of a JointState topic.
+            unit_Nm: Value of one recorded unit [N m]; for a motor current, its torque constant times the gear ratio.
+
+        Returns:
+            The torques [N m] with their stamps.
         """
         info = self._readable(topic, WRENCH, JOINT_STATE, FLOAT64)
 
@@ -72,17 +78,19 @@ class Bag(Recording):
         return TorqueSamples(info.name, stamps, torque * unit_Nm)
 
     def read_events(self, topic: str) -> IntArray:
-        """Stamps (n,) in ns of a topic of Header, whose messages tell when something was: an edge, an index pulse."""
+        """Read the stamps (n,) [ns] of a topic of Header, whose messages mark events: an edge or an index pulse."""
         return self._columns(self._readable(topic, HEADER), lambda *_: [])[0]
 
     def read_points(self, topic: str) -> PointSamples:
-        """Points of a PointStamped topic."""
+        """Read the points of a PointStamped topic."""
         info = self._readable(topic, POINT)
         stamps, columns = self._columns(info, lambda _, take: [take("point", k) for k in range(3)])
         return PointSamples(info.name, stamps, np.stack(columns, axis=1))
 
     def read_joint_states(self, topic: str = "joint_states") -> tuple[IntArray, dict[str, FloatArray]]:
-        """Positions of every joint of a JointState topic: stamps (n,) in ns, joint -> (n,), NaN if none."""
+        """Read the positions of every joint of a JointState topic: stamps (n,) [ns], joint -> (n,), NaN where
+        missing.
+        """
         info = self._readable(topic, JOINT_STATE)
         named = (layout.names for block in self.blocks(topic) for layout, _ in layouts(block, JOINT_STATE, info.name))
         names = sorted({name for names in named for name in names})
@@ -117,9 +125,10 @@ class Bag(Recording):
         joint: str = "",
         what: str = "position",
     ) -> tuple[IntArray, list[FloatArray]]:
-        """Stamps (of Float64 log or publish times) and the columns that `fields` picks, of all messages as recorded.
+        """Return stamps (log or publish times for Float64) and the columns that `fields` picks, of all messages
+        as recorded.
 
-        joint, what: what is missing, in words, where it picks none.
+        `joint` and `what` describe the missing value in the error if `fields` picks nothing.
         """
         pieces: list[list[FloatArray | IntArray]] = []
         joints: set[str] = set()
@@ -141,9 +150,9 @@ class Bag(Recording):
             elif in_block:
                 pieces.append(in_block[0][1])
         if not pieces:
-            there = ", ".join(sorted(joints)) or "none"
+            present = ", ".join(sorted(joints)) or "none"
             raise RecordingError(
-                f"{self.path}: topic {info.name} has no {what} of joint '{joint}'; joints there: {there}"
+                f"{self.path}: topic {info.name} has no {what} of joint '{joint}'; joints there: {present}"
             )
         stamps, *values = (np.concatenate(column) for column in zip(*pieces, strict=True))
         if info.msgtype == FLOAT64:
@@ -154,7 +163,7 @@ class Bag(Recording):
 
 
 def _place(layout: MessageLayout, joint: str, field: str) -> int | None:
-    """The index of the joint's value in a JointState of this layout; None when it has none."""
+    """Return the index of the joint's value in a JointState of this layout; None if it has no value."""
     if joint not in layout.names:
         return None
     place = layout.names.index(joint)
@@ -162,16 +171,16 @@ def _place(layout: MessageLayout, joint: str, field: str) -> int | None:
 
 
 def _files_by_number(folder: Path) -> list[str]:
-    """Names of the files of a recording in a folder in the order in which they were written: _2 before _10."""
+    """Return the file names of a recording in a folder in the order of writing: _2 before _10."""
     kinds = [f"*{kind}{packing}" for kind in (".mcap", ".db3") for packing in ("", *SUFFIXES)]
     names = {entry.name for kind in kinds for entry in folder.glob(kind)}
     unpacked = {name for name in names if not name.endswith(SUFFIXES)}
-    names -= {name for name in names if Path(name).stem in unpacked}  # the same, packed
+    names -= {name for name in names if Path(name).stem in unpacked}  # compressed copies
     return sorted(names, key=lambda name: (len(name), name))
 
 
-def _there(file: Path) -> Path | None:
-    """A file under its name, or packed or unpacked by a person; None without any."""
+def _existing(file: Path) -> Path | None:
+    """Find a file under its name, or compressed or decompressed by hand; None if it is missing."""
     others = [file.with_name(file.name + end) for end in SUFFIXES]
     if file.name.endswith(SUFFIXES):
         others = [file.with_suffix("")]
@@ -179,7 +188,7 @@ def _there(file: Path) -> Path | None:
 
 
 def _file(path: Path, recording: Path | None, salvage: bool) -> RecordedFile:
-    """A file of a recording, by its bytes. Raises RecordingError."""
+    """Open a file of a recording by its first bytes. Raises RecordingError."""
     try:
         with path.open("rb") as file:
             head = file.read(len(SQLITE_MAGIC))
@@ -196,19 +205,23 @@ def _file(path: Path, recording: Path | None, salvage: bool) -> RecordedFile:
 
 
 def _by_time(files: list[RecordedFile]) -> list[RecordedFile]:
-    """Files in the order of their first message: a recorder may list them otherwise."""
+    """Sort files by their first message; a recorder may list them in another order."""
     spans = {id(file): file.span_ns() for file in files}
     return sorted(files, key=lambda file: (spans[id(file)] is None, spans[id(file)]))
 
 
 def open_bag(path: str | Path, salvage: bool = False) -> Bag:
-    """Open a rosbag2 folder or a single .mcap or .db3 file, packed by zstd or not, also one that was cut off.
+    """Open a rosbag2 folder or a single .mcap or .db3 file, compressed by zstd or not, also a truncated one.
 
     Args:
-        path: the folder or file.
-        salvage: read all of it at once and leave out what is damaged, which the notices tell then.
+        path: Folder or file.
+        salvage: Read everything at once and skip damaged parts, which the notices then list.
 
-    Raises RecordingError, one line, when there is no recording, it is damaged or of an unknown kind.
+    Returns:
+        The opened recording.
+
+    Raises:
+        RecordingError: The recording is missing, damaged or of an unknown kind.
     """
     path = Path(path)
     if not path.exists():
@@ -233,7 +246,7 @@ def open_bag(path: str | Path, salvage: bool = False) -> Bag:
         raise RecordingError(f"{path}: not a bag, neither metadata.yaml nor an .mcap or .db3 file is in this folder")
     files: list[RecordedFile] = []
     for name in names:
-        place = _there(path / Path(name).name)
+        place = _existing(path / Path(name).name)
         if place is None:
             raise RecordingError(f"{path}: metadata.yaml names {name}, which is not in the folder; copy it there")
         with _ignoring(DamageError, ignored, salvage):
@@ -243,7 +256,7 @@ def open_bag(path: str | Path, salvage: bool = False) -> Bag:
 
 @contextmanager
 def _ignoring(kind: type[RecordingError], ignored: list[str], salvage: bool) -> Iterator[None]:
-    """Where a recording is salvaged, what cannot be read of it costs no more than itself, and a line."""
+    """Turn an error of this kind into a notice if `salvage`, so that only the unreadable part is lost."""
     try:
         yield
     except kind as error:

@@ -1,4 +1,4 @@
-"""Messages written from arrays, by their type."""
+"""Writers of messages from arrays, by message type."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from textile_twin_core.recordings.message_types import FLOAT64, HEADER, JOINT_ST
 
 
 class ArrayWriter(ABC):
-    """What a writer of recordings offers for arrays of samples."""
+    """Base of recording writers: methods that append arrays of samples."""
 
     @abstractmethod
     def _write_rows(self, topic: str, msgtype: str, log_times_ns: IntArray, rows: Bytes) -> None:
-        """Append messages of equal length, and declare the topic if need be."""
+        """Append messages of equal length; declare the topic if necessary."""
 
     def write_joint_states(
         self,
@@ -31,7 +31,7 @@ class ArrayWriter(ABC):
     ) -> None:
         """Append JointStates: values (n, joints), or (n,) for one joint; None leaves a field empty.
 
-        Here and in the functions below the topic is declared if need be, and log times default to the stamps.
+        This method and those below declare the topic if necessary; log times default to the stamps.
         """
         rows = cdr_encode.encode_joint_states(stamps_ns, names, positions, velocities, efforts, frame_id)
         self._write_rows(topic, JOINT_STATE, stamps_ns if log_times_ns is None else log_times_ns, rows)
@@ -44,7 +44,7 @@ class ArrayWriter(ABC):
         frame_id: str = "main_shaft",
         log_times_ns: IntArray | None = None,
     ) -> None:
-        """Append WrenchStamped messages with a torque about z, (n,) in N m."""
+        """Append WrenchStamped messages with a torque about z, (n,) [N m]."""
         rows = cdr_encode.encode_wrenches(stamps_ns, torque_z, frame_id)
         self._write_rows(topic, WRENCH, stamps_ns if log_times_ns is None else log_times_ns, rows)
 
@@ -56,7 +56,7 @@ class ArrayWriter(ABC):
         frame_id: str = "base",
         log_times_ns: IntArray | None = None,
     ) -> None:
-        """Append PointStamped messages, points (n, 3) in m."""
+        """Append PointStamped messages, points (n, 3) [m]."""
         rows = cdr_encode.encode_points(stamps_ns, points_m, frame_id)
         self._write_rows(topic, POINT, stamps_ns if log_times_ns is None else log_times_ns, rows)
 
@@ -65,5 +65,5 @@ class ArrayWriter(ABC):
         self._write_rows(topic, FLOAT64, log_times_ns, cdr_encode.encode_floats(values))
 
     def write_events(self, topic: str, stamps_ns: IntArray, frame_id: str = "main_shaft") -> None:
-        """Append Header messages, which tell when something was: an edge, an index pulse."""
+        """Append Header messages, which mark events: an edge or an index pulse."""
         self._write_rows(topic, HEADER, stamps_ns, cdr_encode.encode_headers(stamps_ns, frame_id))

@@ -1,4 +1,4 @@
-"""Recordings written: rosbag2 folders and single .mcap files, from raw messages or from arrays."""
+"""Writer of recordings: rosbag2 folders and single .mcap files, from raw messages or from arrays."""
 
 from __future__ import annotations
 
@@ -28,17 +28,28 @@ _FLUSH_SECONDS = 1.0
 
 
 class BagWriter(ArrayWriter):
-    """Writes one recording; use as a context manager.
+    """Writer of one recording; a context manager.
 
-    A path that ends in .mcap gives a single file, any other a rosbag2 folder with metadata.yaml. It grows in
-    a hidden sibling and takes its name when it is complete; after an exception nothing is left of it.
-    With live=True it grows in place and is put on the disk once a second (call flush() from a timer to hold
-    that promise while no messages come): a kill loses a second at most, open_bag reads what is there, and an
-    exception ends the recording properly.
+    A path that ends in .mcap gives a single file, any other a rosbag2 folder with metadata.yaml. The recording
+    is written
+    to a hidden sibling and renamed when complete; an exception removes it.
 
-    custom_data: the user's own entries of metadata.yaml. overwrite: replace what is there.
-    split_bytes, split_s: begin a new file of the folder when one has grown to this size or spans this time; 0 never.
-    Raises OutputError when the place cannot be written or, without overwrite, is taken.
+    With live=True the recording is written in place and synced to disk once a second (call flush() from a timer
+    to ensure
+    this while no messages arrive). A kill loses at most a second, open_bag reads the truncated recording, and an
+    exception
+    completes it.
+
+    Args:
+        path: Folder or .mcap file.
+        custom_data: User entries of metadata.yaml.
+        live: Write in place.
+        overwrite: Replace an existing recording.
+        split_bytes: Size at which the next file of the folder starts; 0 for never.
+        split_s: Time span at which the next file of the folder starts [s]; 0 for never.
+
+    Raises:
+        OutputError: The path cannot be written, or exists and `overwrite` is false.
     """
 
     def __init__(
@@ -84,9 +95,14 @@ class BagWriter(ArrayWriter):
     ) -> None:
         """Declare a topic before its first message.
 
-        qos: how it was offered (default: reliable, volatile); schema: the type's definition (default: the known one).
+        Args:
+            topic: Name of the topic.
+            msgtype: Message type.
+            qos: Offered quality of service; reliable and volatile by default.
+            schema: Definition of the type; looked up by default.
 
-        Raises RecordingError when the definition of the type is found nowhere.
+        Raises:
+            RecordingError: The definition of the type is not found.
         """
         name = _absolute(topic)
         if name in self._topics:
@@ -106,7 +122,7 @@ class BagWriter(ArrayWriter):
         self._channels[topic.name] = self._file.add_channel(topic.name, topic.msgtype, topic.schema, metadata)
 
     def copy_topic(self, bag: Recording, name: str, progress: Progress | None = None) -> None:
-        """Declare a topic as another recording has it and append all its messages."""
+        """Declare a topic as in another recording and append all its messages."""
         topic = bag.find_topic(name)
         self.add_topic(topic.name, topic.msgtype, topic.qos, topic.schema)
         for block in bag.blocks(name, progress):
@@ -123,7 +139,7 @@ class BagWriter(ArrayWriter):
         self._flush_when_due()
 
     def write_block(self, topic: str, block: MessageBlock) -> None:
-        """Append a block of messages of another recording as they are."""
+        """Append a block of messages of another recording unchanged."""
         channel = self._channel(topic)
         if len(block) and (block.sizes == block.sizes[0]).all():
             rows = gather(block.buffer, block.starts, f"V{int(block.sizes[0])}")
@@ -156,9 +172,10 @@ class BagWriter(ArrayWriter):
             self.flush()
 
     def flush(self) -> None:
-        """Put what was written so far on the disk (live recordings; others are complete or nothing).
+        """Sync everything written so far to disk, for live recordings; does nothing for others.
 
-        Raises OSError when the disk takes no more, or when the file is not there any more: it would take all the same.
+        Raises:
+            OSError: The disk is full, or the file was removed, in which case writing would silently succeed.
         """
         if self._live:
             self._file.flush()
@@ -167,19 +184,19 @@ class BagWriter(ArrayWriter):
                 raise self._gone()
 
     def _gone(self) -> FileNotFoundError:
-        """The error that tells what became of the file."""
+        """Return the error that describes what happened to the file."""
         what = "overwritten by another recording" if self._file.path.exists() else "removed or renamed"
         return FileNotFoundError(errno.ENOENT, f"{what} while it was recorded", str(self.path))
 
     @property
     def counts(self) -> dict[str, int]:
-        """Messages written so far and kept, by absolute topic name."""
+        """Number of messages in the remaining files, by absolute topic name."""
         counts = {name: self._file.counts[channel] for name, channel in self._channels.items()}
         return counts | {name: counts.get(name, 0) + count for name, count in self._complete.counts.items()}
 
     @property
     def bytes_kept(self) -> int:
-        """Bytes of the files that are kept, without what waits for the next flush."""
+        """Size of the remaining files, without data that waits for the next flush."""
         return self._file.bytes_written + self._complete.bytes
 
     def _is_full(self, log_time_ns: int) -> bool:
@@ -191,21 +208,21 @@ class BagWriter(ArrayWriter):
         return bool(grown or (self._split_ns and log_time_ns - self._first_ns >= self._split_ns))
 
     def split(self) -> None:
-        """Complete this file and go on in the next one of the folder."""
+        """Complete this file and continue in the next one of the folder."""
         if self._single:
             raise RecordingError(f"{self.path}: a single file cannot be split; give a folder")
         self._end_file()
         self._begin_file()
 
     def drop_oldest_file(self, before_ns: int | None = None) -> bool:
-        """Remove the oldest complete file; False when there is none, or its last message is not before this time."""
+        """Remove the oldest complete file; return false if there is none."""
         return self._complete.drop_oldest(self._place, before_ns)
 
     def _end_file(self) -> None:
-        """Complete the current file, with a copy of its own metadata in it."""
+        """Complete the current file and store a copy of its metadata in it."""
         self._file.flush()
         if self._live and self._file.is_removed:
-            raise self._gone()  # before the metadata of this recording come to lie beside another's file
+            raise self._gone()  # avoid writing metadata beside the file of another recording
         counts = {name: self._file.counts[channel] for name, channel in self._channels.items()}
         written = FileInfo(self._file_name, self._file.span_ns, counts)
         own = self._information([written])
@@ -217,9 +234,10 @@ class BagWriter(ArrayWriter):
         return rosbag2_metadata.information(files, self._topics.values(), self._custom_data)
 
     def close(self) -> None:
-        """Complete the recording and give it its name.
+        """Complete the recording and give it its final name.
 
-        Raises OSError when the disk takes no more, or, of a live recording, when its file is not there any more.
+        Raises:
+            OSError: The disk is full, or the file of a live recording was removed.
         """
         self._end_file()
         if not self._single:

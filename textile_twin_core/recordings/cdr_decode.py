@@ -1,4 +1,4 @@
-"""ROS messages to numpy in bulk: fields of CDR messages of one layout are gathered without a loop."""
+"""Bulk conversion of ROS messages to numpy: fields of CDR messages of one layout are gathered without a loop."""
 
 from __future__ import annotations
 
@@ -16,15 +16,18 @@ from textile_twin_core.errors import RecordingError
 Bytes = npt.NDArray[np.uint8]
 
 _MOST_LAYOUTS = 16
-"""Layouts tried in bulk per block; messages that follow none of them are read one by one."""
+"""Number of layouts tried in bulk per block; messages of other layouts are read one by one."""
 
 
 @dataclass(frozen=True)
 class MessageBlock:
-    """Messages of one channel, in the order of the file.
+    """Messages of one channel in the order of the file.
 
-    buffer: the bytes around them; starts, sizes: where each CDR lies in it; log_times_ns: when recorded;
-    publish_times_ns: when published, where the file says that.
+    Attributes:
+        buffer: Bytes that contain the messages.
+        starts, sizes: Position and size of each CDR message in `buffer`.
+        log_times_ns: Times of recording [ns].
+        publish_times_ns: Times of publishing [ns], if the file has them.
     """
 
     buffer: Bytes
@@ -37,13 +40,13 @@ class MessageBlock:
         return len(self.starts)
 
     def message(self, i: int) -> bytes:
-        """CDR bytes of message i, with the 4 bytes of encapsulation."""
+        """Return the CDR bytes of message i, with the 4 bytes of encapsulation."""
         start = int(self.starts[i])
         return self.buffer[start : start + int(self.sizes[i])].tobytes()
 
 
 def gather(buffer: Bytes, starts: IntArray, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
-    """Values of `dtype` at the byte positions `starts` of `buffer`, aligned or not; shape (len(starts),)."""
+    """Return the values of `dtype` at the byte positions `starts` of `buffer`, aligned or not; shape (len(starts),)."""
     kind = np.dtype(dtype)
     if len(starts) == 0:
         return np.empty(0, kind)
@@ -53,7 +56,7 @@ def gather(buffer: Bytes, starts: IntArray, dtype: npt.DTypeLike) -> npt.NDArray
 
 @dataclass
 class MessageLayout:
-    """Where things lie in a message: bytes that all messages of this layout share, and the fields to read."""
+    """Layout of a message: bytes shared by all messages of this layout, and the fields to read."""
 
     size: int = 0
     order: str = "<"
@@ -62,7 +65,7 @@ class MessageLayout:
     names: tuple[str, ...] = ()
 
     def follows(self, block: MessageBlock, chosen: IntArray) -> npt.NDArray[np.bool_]:
-        """Which of the chosen messages have this layout; shape (len(chosen),)."""
+        """Return (len(chosen),) true for the chosen messages that have this layout."""
         fits = block.sizes[chosen] >= self.size
         inside = chosen if fits.all() else chosen[fits]
         same = np.ones(len(inside), np.bool_)
@@ -72,7 +75,9 @@ class MessageLayout:
         return fits
 
     def _words(self) -> Iterator[tuple[int, str, int]]:
-        """The fixed bytes as few unsigned words: (offset, type, value); the last of a stretch may overlap."""
+        """Combine the fixed bytes into few unsigned words: (offset, type, value); the last word of a run may
+        overlap.
+        """
         stretches: list[tuple[int, bytes]] = []
         for offset, expected in self.fixed:
             if stretches and stretches[-1][0] + len(stretches[-1][1]) == offset:
@@ -86,21 +91,21 @@ class MessageLayout:
                 yield offset + start, f"<u{width}", word
 
     def read(self, block: MessageBlock, chosen: IntArray, name: str, element: int) -> FloatArray:
-        """One element of a float64 field of the chosen messages, NaN when there is none; shape (n,)."""
+        """Return one element of a float64 field of the chosen messages, NaN where it is missing; shape (n,)."""
         offset, length = self.fields[name]
         if element >= length:
             return np.full(len(chosen), np.nan)
         return gather(block.buffer, block.starts[chosen] + offset + 8 * element, f"{self.order}f8").astype(np.float64)
 
     def stamps(self, block: MessageBlock, chosen: IntArray) -> IntArray:
-        """Header stamps in nanoseconds; shape (len(chosen),)."""
+        """Return the header stamps [ns]; shape (len(chosen),)."""
         seconds = gather(block.buffer, block.starts[chosen] + 4, f"{self.order}i4").astype(np.int64)
         nanoseconds: IntArray = gather(block.buffer, block.starts[chosen] + 8, f"{self.order}u4").astype(np.int64)
         return seconds * 1_000_000_000 + nanoseconds
 
 
 class _Cursor:
-    """Walks through one message and notes what its layout fixes."""
+    """Position in one message, and the layout found so far."""
 
     def __init__(self, cdr: bytes) -> None:
         if len(cdr) < 4 or cdr[0] != 0 or cdr[1] > 1:
@@ -182,27 +187,28 @@ LAYOUT_READERS: dict[str, Callable[[bytes], MessageLayout]] = {
     "std_msgs/msg/Float64": _float64,
     "std_msgs/msg/Header": _header,
 }
-"""The message types that are decoded, by how one message tells its layout."""
+"""Reader of the layout from one message, by decoded message type."""
 
 
 def layouts(block: MessageBlock, msgtype: str, topic: str) -> Iterator[tuple[MessageLayout, IntArray]]:
-    """Split a block into groups of one layout: (layout, indices of its messages), every message in one group.
+    """Split a block into groups of one layout: (layout, indices of its messages), each message in one group.
 
-    Raises RecordingError for a message that cannot be decoded, with the time it was recorded.
+    Raises:
+        RecordingError: A message cannot be decoded; the text has its time of recording.
     """
     read_layout = LAYOUT_READERS[msgtype]
-    left = np.arange(len(block))
+    remaining = np.arange(len(block))
     tried = 0
-    while len(left):
-        first = int(left[0])
+    while len(remaining):
+        first = int(remaining[0])
         try:
             layout = read_layout(block.message(first))
         except (ValueError, struct.error) as error:
             raise RecordingError(
-                f"topic {topic}: the message recorded at {int(block.log_times_ns[first])} ns is no {msgtype}:"
+                f"topic {topic}: the message recorded at {int(block.log_times_ns[first])} ns is not a {msgtype}:"
                 f" {error}; the recording is damaged there"
             ) from error
         tried += 1
-        same = layout.follows(block, left) if tried <= _MOST_LAYOUTS else left == first
-        yield layout, left[same]
-        left = left[~same]
+        same = layout.follows(block, remaining) if tried <= _MOST_LAYOUTS else remaining == first
+        yield layout, remaining[same]
+        remaining = remaining[~same]

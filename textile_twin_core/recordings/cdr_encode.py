@@ -1,4 +1,4 @@
-"""numpy to ROS messages in bulk: little-endian CDR of equally long messages, one row of bytes per message."""
+"""Bulk conversion of numpy arrays to ROS messages: little-endian CDR of equal length, one row of bytes per message."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _LITTLE_ENDIAN = b"\x00\x01\x00\x00"
 
 
 class _Template:
-    """The bytes all messages share, and the columns of those that differ."""
+    """Bytes shared by all messages, and the columns that differ."""
 
     def __init__(self) -> None:
         self.shared = bytearray(_LITTLE_ENDIAN)
@@ -34,13 +34,13 @@ class _Template:
         self.shared += data
 
     def column(self, values: Bytes, align: int) -> None:
-        """values: (n, k) bytes of each message."""
+        """Append a column of bytes (n, k)."""
         self.align(align)
         self.columns.append((len(self.shared), values))
         self.shared += bytes(values.shape[1])
 
     def doubles(self, values: FloatArray) -> None:
-        """values: (n, k); k = 0 writes nothing, not even padding."""
+        """Append doubles (n, k); k = 0 appends nothing, not even padding."""
         if values.shape[1]:
             little = np.ascontiguousarray(values, "<f8")
             self.column(little.view(np.uint8).reshape(len(values), -1), 8)
@@ -58,7 +58,7 @@ class _Template:
         self.string(frame_id)
 
     def rows(self, count: int) -> Bytes:
-        """All messages, shape (count, size of one)."""
+        """Return all messages, shape (count, message size)."""
         rows = np.empty((count, len(self.shared)), np.uint8)
         rows[:] = np.frombuffer(bytes(self.shared), np.uint8)
         for start, values in self.columns:
@@ -81,7 +81,7 @@ def encode_joint_states(
     efforts: FloatArray | None = None,
     frame_id: str = "",
 ) -> Bytes:
-    """sensor_msgs/JointState: values (n, joints), or (n,) for one joint; None leaves a field empty."""
+    """Encode sensor_msgs/JointState: values (n, joints), or (n,) for one joint; None leaves a field empty."""
     count = len(stamps_ns)
     message = _Template()
     message.header(stamps_ns, frame_id)
@@ -98,33 +98,33 @@ def encode_joint_states(
 
 
 def encode_wrenches(stamps_ns: IntArray, torque_z_Nm: FloatArray, frame_id: str) -> Bytes:
-    """geometry_msgs/WrenchStamped with a torque about z alone; torque_z_Nm of shape (n,)."""
+    """Encode geometry_msgs/WrenchStamped with a torque about z (n,) [N m] and zero elsewhere."""
     wrench = np.zeros((len(stamps_ns), 6))
     wrench[:, 5] = torque_z_Nm
     return _stamped(stamps_ns, wrench, frame_id)
 
 
 def encode_points(stamps_ns: IntArray, points_m: FloatArray, frame_id: str) -> Bytes:
-    """geometry_msgs/PointStamped; points_m of shape (n, 3)."""
+    """Encode geometry_msgs/PointStamped from points (n, 3) [m]."""
     return _stamped(stamps_ns, np.asarray(points_m, np.float64).reshape(len(stamps_ns), 3), frame_id)
 
 
 def encode_floats(values: FloatArray) -> Bytes:
-    """std_msgs/Float64; values of shape (n,)."""
+    """Encode std_msgs/Float64 from values (n,)."""
     message = _Template()
     message.doubles(_two_dimensional(values, len(values)))
     return message.rows(len(values))
 
 
 def encode_headers(stamps_ns: IntArray, frame_id: str) -> Bytes:
-    """std_msgs/Header."""
+    """Encode std_msgs/Header."""
     message = _Template()
     message.header(stamps_ns, frame_id)
     return message.rows(len(stamps_ns))
 
 
 def encode_string(text: str) -> bytes:
-    """std_msgs/String."""
+    """Encode std_msgs/String."""
     message = _Template()
     message.string(text)
     return bytes(message.shared)

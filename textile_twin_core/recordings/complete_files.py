@@ -1,4 +1,4 @@
-"""The complete files of a recording: what is in them, and which goes first."""
+"""Complete files of a recording that is being written."""
 
 from __future__ import annotations
 
@@ -9,29 +9,29 @@ from textile_twin_core.recordings.rosbag2_metadata import FileInfo, total
 
 
 class CompleteFiles:
-    """Those of one recording, the oldest first."""
+    """List of the complete files, the oldest first."""
 
     def __init__(self) -> None:
         self.files: list[FileInfo] = []
         self._bytes: list[int] = []
 
     def append(self, file: FileInfo, size: int) -> None:
-        """Add the newest, of this many bytes."""
+        """Add the newest file and its size in bytes."""
         self.files.append(file)
         self._bytes.append(size)
 
     @property
     def bytes(self) -> int:
-        """Bytes of all of them."""
+        """Total size in bytes."""
         return sum(self._bytes)
 
     @property
     def counts(self) -> Counter[str]:
-        """Their messages by topic."""
+        """Total number of messages by topic."""
         return total(self.files)
 
     def drop_oldest(self, folder: Path, before_ns: int | None = None) -> bool:
-        """Remove the oldest from its folder; False when there is none, or its last message is not before this time."""
+        """Remove the oldest file from its folder; return false if there is none."""
         if not self.files:
             return False
         span_ns = self.files[0].span_ns

@@ -1,4 +1,4 @@
-"""What is in an HDF5 file: data sets in groups, tables of several fields, and what MATLAB writes with -v7.3."""
+"""Content of HDF5 files: data sets in groups, tables of several fields, and MATLAB files of version 7.3."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ _UNITS = ("units", "unit", "Units", "Unit")
 
 
 def hdf5_content(path: Path) -> dict[str, Any]:
-    """Groups as dictionaries, data sets as arrays, texts as str; variables of MATLAB as it shows them.
+    """Read groups as dictionaries, data sets as arrays, texts as str, and MATLAB variables as MATLAB shows them.
 
-    Raises RecordingError, one line, for a file that is damaged or no HDF5, and where h5py is not installed.
+    Raises:
+        RecordingError: The file is damaged or not HDF5, or h5py is not installed.
     """
     try:
         import h5py
@@ -36,7 +37,7 @@ def _group(group: h5py.Group, file: h5py.File) -> dict[str, Any]:
     content: dict[str, Any] = {}
     for name, part in group.items():
         if name.startswith("#"):
-            continue  # where MATLAB keeps what cells and structures refer to
+            continue  # MATLAB stores the targets of cells and structures here
         value = _value(part, file)
         unit = next((_text(part.attrs[key]) for key in _UNITS if key in part.attrs), "")
         content[f"{name} [{unit}]" if unit and isinstance(value, np.ndarray) and "[" not in name else name] = value
@@ -59,11 +60,11 @@ def _value(part: Any, file: h5py.File) -> Any:
         return "".join(map(chr, values.ravel().tolist()))
     if values.dtype.kind in "SO" and values.ndim == 0:
         return _text(values[()])
-    # MATLAB stores columns first: a vector is a row or a column of a matrix.
+    # MATLAB stores columns first, and a vector as a row or column of a matrix.
     return np.squeeze(values.T) if kind is not None or (values.ndim == 2 and 1 in values.shape) else values
 
 
 def _text(value: Any) -> str:
-    """A text, as h5py and other writers keep it."""
+    """Decode a text as stored by h5py and other writers."""
     value = value[0] if isinstance(value, np.ndarray) and value.size else value
     return value.decode(errors="replace") if isinstance(value, bytes) else str(value)

@@ -1,4 +1,4 @@
-"""The topics of one machine in a recording, and its shaft's angles as the encoder measures them."""
+"""Topics of one machine in a recording, and its shaft angles as measured by the encoder."""
 
 from __future__ import annotations
 
@@ -22,27 +22,27 @@ MEASURED_TOPIC = "balancing_torque/measured"
 
 
 def namespace_of(angle_topic: str) -> str:
-    """The machine's namespace, which its angle's absolute topic begins with; empty for a topic of another name."""
+    """Return the namespace of the machine, the prefix of its angle topic; empty for a topic of another name."""
     suffix = f"/{ANGLE_TOPIC}"
     return angle_topic.removesuffix(suffix) if angle_topic.endswith(suffix) else ""
 
 
 def beside(bag: Bag, angle_topic: str, topic: str) -> str:
-    """The topic of that name in the angle's own namespace where there is one, else the name as it is."""
+    """Return the topic of that name in the namespace of the angle if it exists, else the name unchanged."""
     own = f"{namespace_of(angle_topic)}/{topic.strip('/')}"
     return own if own in bag.topics else topic
 
 
 @dataclass(frozen=True)
 class MachineTopics:
-    """Where a recording holds a machine's shaft angle and measured torque, in which units, and if bad samples count.
+    """Topics and units of a machine's shaft angle and measured torque in a recording.
 
     Attributes:
-        angle, torque: their topics; the torque's is looked for in the angle's own namespace first.
-        joint: the joint of JointState topics.
-        index: pulses that tell where zero is, in the angle's own namespace first.
-        angle_unit_rad, torque_unit_Nm: what one unit of each topic is.
-        skip_bad: whether samples that are no numbers, or whose stamps leap ahead, are left out; else they are errors.
+        angle, torque: Topics; the torque is first looked up in the namespace of the angle.
+        joint: Joint of JointState topics.
+        index: Topic of index pulses, first looked up in the namespace of the angle; None without pulses.
+        angle_unit_rad, torque_unit_Nm: Value of one unit of each topic [rad], [N m].
+        skip_bad: Discard samples that are not finite or whose stamps jump ahead; otherwise they are errors.
     """
 
     angle: str = ANGLE_TOPIC
@@ -54,11 +54,13 @@ class MachineTopics:
     skip_bad: bool = False
 
     def read_angles(self, bag: Bag, encoder: Encoder) -> AngleSamples:
-        """The recorded angles, as the encoder measures them; edges of its wheel (a topic of Header) are counted.
+        """Read the angles as measured by the encoder; edges of its wheel (a topic of Header) are counted.
 
-        Raises SceneError for edges that this encoder cannot count; RecordingError for an angle that is NaN or infinite
-        or a stamp that leaps ahead. With `skip_bad` the shaft estimator rejects and counts these, as not finite; not a
-        single finite angle is an error in any case.
+        With `skip_bad`, bad samples become NaN, which the shaft estimator rejects and counts.
+
+        Raises:
+            SceneError: The encoder cannot count these edges.
+            RecordingError: An angle is not finite or a stamp jumps ahead, unless `skip_bad`; or no angle is finite.
         """
         angles = self._in_radians(bag, encoder)
         bad = np.flatnonzero(~np.isfinite(angles.angles_rad))
@@ -76,15 +78,15 @@ class MachineTopics:
             return angles
         if not self.skip_bad:
             first = int(ahead[0])
-            leap_s = (int(angles.stamps[first]) - int(angles.stamps[first + 1])) * 1e-9
-            leap = f"the stamp of sample {first} is {leap_s:.3f} s later than that of the next"
+            ahead_s = (int(angles.stamps[first]) - int(angles.stamps[first + 1])) * 1e-9
+            jump = f"the stamp of sample {first} is {ahead_s:.3f} s later than that of the next"
             raise RecordingError(
-                f"{bag.path}: topic {angles.topic}: {set_back(angles.stamps) or leap}, {len(ahead)} such of"
+                f"{bag.path}: topic {angles.topic}: {set_back(angles.stamps) or jump}, {len(ahead)} such of"
                 f" {len(angles)}; leave them out with --skip-bad-samples"
             )
-        kept = angles.angles_rad.copy()
-        kept[ahead] = np.nan
-        return replace(angles, angles_rad=kept)
+        angles_rad = angles.angles_rad.copy()
+        angles_rad[ahead] = np.nan
+        return replace(angles, angles_rad=angles_rad)
 
     def read_second_angles(self, bag: Bag) -> AngleSamples | None:
         """The angles of the second encoder as it measures them; None where the recording has none."""
@@ -95,21 +97,21 @@ class MachineTopics:
         return replace(seen, angles_rad=seen.angles_rad * self.angle_unit_rad)
 
     def torque_in(self, bag: Bag) -> str:
-        """The measured torque's topic in this recording."""
+        """Return the topic of the measured torque in this recording."""
         return beside(bag, bag.find_topic(self.angle).name, self.torque)
 
     def read_torques(self, bag: Bag) -> TorqueSamples:
-        """The measured torques; with `skip_bad` without those whose stamps leap ahead."""
+        """Read the measured torques; `skip_bad` discards those whose stamps jump ahead."""
         measured = bag.read_torques(self.torque_in(bag), self.joint, self.torque_unit_Nm)
         ahead = stamps_ahead(measured.stamps) if self.skip_bad else ()
         if not len(ahead):
             return measured
-        kept = np.ones(len(measured), np.bool_)
-        kept[ahead] = False
-        return replace(measured, stamps=measured.stamps[kept], torque_Nm=measured.torque_Nm[kept])
+        good = np.ones(len(measured), np.bool_)
+        good[ahead] = False
+        return replace(measured, stamps=measured.stamps[good], torque_Nm=measured.torque_Nm[good])
 
     def _in_radians(self, bag: Bag, encoder: Encoder) -> AngleSamples:
-        """The angles of the topic or of its edges, counted from zero where something tells it."""
+        """Return the angles of the topic or of its edges, counted from the reference where there is one."""
         topic, unit = bag.find_topic(self.angle), self.angle_unit_rad
         edges = topic.msgtype == HEADER
         if edges:
@@ -128,13 +130,17 @@ class MachineTopics:
 
 
 def unit_notes(angles: AngleSamples) -> list[str]:
-    """What a person should know of the unit of recorded angles: a line where they look like another than radians."""
+    """Warn if recorded angles seem to have another unit than radians; at most one line."""
     seen = other_unit(angles.angles_rad)
     return [f"topic {angles.topic}: {seen.instead}: tell it with --angle-unit {seen.told}"] if seen else []
 
 
 def referred(angles: AngleSamples, reference: Reference, pulses: IntArray) -> AngleSamples:
-    """Angles as a reference tells them. Raises RecordingError when it tells none."""
+    """Count angles from a reference.
+
+    Raises:
+        RecordingError: The readings contain no reference.
+    """
     speeds = np.full(len(angles), np.nan) if angles.velocities is None else angles.velocities
     rows = list(zip(angles.stamps.tolist(), angles.angles_rad.tolist(), speeds.tolist(), strict=True))
     known: list[Reading] = []
@@ -147,8 +153,8 @@ def referred(angles: AngleSamples, reference: Reference, pulses: IntArray) -> An
     known += reference.take(rows[begin:])
     if not known:
         raise RecordingError(
-            f"topic {angles.topic}: among {len(angles)} readings nothing told where the shaft stands: no gap of missing"
-            " teeth, no index pulse"
+            f"topic {angles.topic}: none of {len(angles)} readings gives a reference: no gap of missing teeth"
+            " and no index pulse"
         )
     stamps, angle, speed = zip(*known, strict=True)
     return replace(

@@ -1,4 +1,4 @@
-"""Variables of a .mat file, read in a process of its own: over a damaged file scipy's reader may crash."""
+"""Variables of a .mat file, read in a separate process, since scipy's reader may crash on a damaged file."""
 
 from __future__ import annotations
 
@@ -18,17 +18,18 @@ _READER = """
 import pickle, sys
 from scipy.io import loadmat
 try:
-    told = loadmat(sys.argv[1], simplify_cells=True)
+    result = loadmat(sys.argv[1], simplify_cells=True)
 except Exception as error:
-    told = str(error) or type(error).__name__
-pickle.dump(told, sys.stdout.buffer, protocol=5)
+    result = str(error) or type(error).__name__
+pickle.dump(result, sys.stdout.buffer, protocol=5)
 """
 
 
 def matlab_variables(path: Path) -> dict[str, Any]:
-    """Variables by name; structures as dictionaries, cells as lists.
+    """Read variables by name; structures become dictionaries, cells become lists.
 
-    Raises RecordingError, one line, for a file that is damaged or no MATLAB file.
+    Raises:
+        RecordingError: The file is damaged or not a MATLAB file.
     """
     if _is_hdf5(path):
         return hdf5_content(path)
@@ -41,15 +42,15 @@ def matlab_variables(path: Path) -> dict[str, Any]:
 
 
 def _is_hdf5(path: Path) -> bool:
-    """Whether a file is HDF5, as MATLAB writes it behind 512 bytes of its own, and other programs without these."""
+    """Return true for an HDF5 file, with or without the 512 bytes that MATLAB writes before it."""
     with path.open("rb") as file:
         head = file.read(520)
     return head.startswith(_HDF5) or head[512:].startswith(_HDF5)
 
 
 def _crash(code: int) -> str:
-    """How the reader ended, in words."""
+    """Describe how the reader ended."""
     name = f"exit code {code}"
     with suppress(ValueError):
         name = signal.Signals(-code).name
-    return f"its reader crashed, {name}; save it anew, or as CSV"
+    return f"its reader crashed, {name}; save it again, or as CSV"

@@ -1,4 +1,4 @@
-"""A chunk of an MCAP file in the making: messages laid out one after the other, and where each channel's lie."""
+"""Chunk of an MCAP file being written: messages in sequence, and the index of each channel."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from textile_twin_core.arrays import IntArray
 from textile_twin_core.recordings.cdr_decode import Bytes
 
 MESSAGE_HEAD_BYTES = 31
-"""What stands before the CDR bytes of a message."""
+"""Size of a message record before its CDR bytes."""
 _MESSAGE_HEAD = np.dtype(
     [
         ("opcode", "u1"),
@@ -36,7 +36,7 @@ class PendingChunk:
         """First and last log time; None without a message."""
         self._rows: dict[int, list[IntArray]] = {}
         self._singles: dict[int, list[int]] = {}
-        """Log time and offset of messages added one by one, in turn."""
+        """Log time and offset, alternating, of messages added one by one."""
 
     def add(self, channel: int, sequence: int, log_time_ns: int, cdr: bytes) -> None:
         """Append one message."""
@@ -47,7 +47,7 @@ class PendingChunk:
         self._reach(log_time_ns, log_time_ns)
 
     def add_rows(self, channel: int, sequence: int, log_times_ns: IntArray, rows: Bytes) -> None:
-        """Append messages of equal length, the first with this sequence number: log times (n,), CDR bytes (n, size)."""
+        """Append messages of equal length from this sequence number on: log times (n,), CDR bytes (n, size)."""
         n, size = rows.shape
         messages = np.empty((n, MESSAGE_HEAD_BYTES + size), np.uint8)
         heads = np.empty(n, _MESSAGE_HEAD)
@@ -62,7 +62,7 @@ class PendingChunk:
         self._reach(int(log_times_ns.min()), int(log_times_ns.max()))
 
     def indices(self) -> Iterator[tuple[int, bytes]]:
-        """For each channel its number and the record that says where its messages lie, in order of log time."""
+        """Iterate over channel numbers and their index records, sorted by log time."""
         for channel, singles in self._singles.items():
             self._rows.setdefault(channel, []).append(np.array(singles, np.int64).reshape(-1, 2))
         for channel, pieces in self._rows.items():

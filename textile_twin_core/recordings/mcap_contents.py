@@ -1,4 +1,4 @@
-"""What an MCAP file declares and where its messages lie, found by one walk through its records."""
+"""Declarations of an MCAP file and positions of its messages, from one pass over its records."""
 
 from __future__ import annotations
 
@@ -17,14 +17,16 @@ from textile_twin_core.recordings.mcap_framing import MAGIC, Framing
 from textile_twin_core.recordings.mcap_parts import LEAST_MESSAGE, Part
 
 _LOOSE_BYTES = 1 << 20
-"""Unchunked messages are handed on in blocks of about this many bytes."""
+"""Approximate size of a block of unchunked messages."""
 
 
 class Contents:
-    """Schemas, channels, metadata and parts of a file; complete, unchunked and cut-off files are walked alike.
+    """Schemas, channels, metadata and parts of a complete, unchunked or truncated file.
 
-    `truncated` is set when the file ends without a footer; `told` is the number of messages of which its summary
-    speaks, None without one; `lost` are the stretches, start and end, in which no record can be found.
+    Attributes:
+        truncated: True if the file ends without a footer.
+        stated_count: Number of messages by the summary; None without a summary.
+        lost: Ranges, start and end, in which no record is found.
     """
 
     def __init__(self, file: mmap.mmap) -> None:
@@ -34,12 +36,12 @@ class Contents:
         self.metadata: dict[str, dict[str, str]] = {}
         self.parts: list[Part] = []
         self.truncated = True
-        self.told: int | None = None
+        self.stated_count: int | None = None
         self.lost: list[tuple[int, int]] = []
         self._scan()
 
     def describe(self, opcode: int, body: bytes) -> None:
-        """Take in a record that describes others; a damaged one is left out, as most are in the file twice."""
+        """Read a record that describes others; a damaged one is skipped, as most are in the file twice."""
         with suppress(EndOfFile, ValueError, struct.error):
             self._take(opcode, body)
 
@@ -52,7 +54,7 @@ class Contents:
             channel = Channel.read(stream)
             self.channels[channel.id] = channel
         elif opcode == Opcode.STATISTICS:
-            self.told = Statistics.read(stream).message_count
+            self.stated_count = Statistics.read(stream).message_count
         elif opcode == Opcode.METADATA:
             metadata = Metadata.read(stream)
             self.metadata[metadata.name] = metadata.metadata
@@ -62,7 +64,7 @@ class Contents:
         indexed: Part | None = None  # the chunk whose index follows
         framing, reached = Framing(self._file, self.channels), len(MAGIC)
         for opcode, start, end in framing:
-            if start != reached:  # past a stretch that is lost
+            if start != reached:  # after a lost range
                 loose = indexed = None
             reached = end
             if opcode == Opcode.MESSAGE and end - start >= 9 + LEAST_MESSAGE:
@@ -89,17 +91,17 @@ class Contents:
         self.lost = framing.lost
         if self.truncated and self.lost and self.lost[-1][1] == len(self._file):
             if self._file[-len(MAGIC) :] == MAGIC:
-                self.truncated = False  # the end is there: what stands before it is damaged
+                self.truncated = False  # the footer is present, so the damage is before it
             else:
-                self.lost.pop()  # the last record was not written to its end
+                self.lost.pop()  # the last record is incomplete
         if self.truncated and self.parts:
-            # The index of the last chunk may be cut off between two channels: find its messages by walking.
+            # The index of the last chunk may be incomplete: find its messages record by record.
             self.parts[-1].index.clear()
 
     def _index(self, part: Part, start: int, end: int) -> None:
-        """Take in the index of one channel; without it, as when it is damaged, messages are found by walking."""
+        """Read the index of one channel; without a valid one, messages are found record by record."""
         if end - start >= 6:
             channel, length = struct.unpack_from("<HI", self._file, start)
             if length == end - start - 6 and length % 16 == 0:
-                rows = np.frombuffer(self._file, "<i8", length // 8, start + 6)  # as it lies in the file
+                rows = np.frombuffer(self._file, "<i8", length // 8, start + 6)  # without a copy
                 part.index[channel] = rows.reshape(-1, 2)

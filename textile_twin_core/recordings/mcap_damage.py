@@ -1,4 +1,4 @@
-"""What of an MCAP file is lost, in words."""
+"""Description of the damage in an MCAP file."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from textile_twin_core.recordings.mcap_parts import Part
 
 
 class Damage:
-    """Gathers what is left out of a file.
+    """Collection of the skipped parts of a file.
 
     Args:
-        lost: stretches, start and end, in which no record can be found.
+        lost: Ranges, start and end, in which no record is found.
     """
 
     def __init__(self, lost: Sequence[tuple[int, int]]) -> None:
@@ -20,20 +20,20 @@ class Damage:
         self._chunks: list[Part] = []
         self._why = ""
         self.undeclared = 0
-        """Messages of channels of which the file does not tell any more what they are."""
+        """Number of messages of undeclared channels."""
 
     def add(self, chunk: Part, why: str) -> None:
-        """Take in a chunk, with the span that it tells itself; reasons after the first are as a rule the same."""
+        """Add a chunk with its stated time span; only the first reason is reported, as the others rarely differ."""
         self._chunks.append(replace(chunk))
         self._why = self._why or why
 
-    def words(self, found: int, told: int | None, span_ns: tuple[int, int] | None) -> str:
-        """What is missing, in one line; empty when nothing is.
+    def words(self, found: int, stated: int | None, span_ns: tuple[int, int] | None) -> str:
+        """Describe the missing data in one line; empty if nothing is missing.
 
         Args:
-            found: messages that are read.
-            told: messages of which the file's summary speaks; None without one.
-            span_ns: log times of the first and last message that are read; None without one.
+            found: Number of readable messages.
+            stated: Number of messages by the summary of the file; None without one.
+            span_ns: Log times of the first and last readable message; None without one.
         """
         words = []
         if self._chunks:
@@ -46,14 +46,14 @@ class Damage:
             words.append(f"{size} bytes from byte {self._lost[0][0]} on are no records")
         if self.undeclared:
             words.append(f"{self.undeclared} messages are of channels that it does not declare")
-        if told is not None and found != told:
-            words.append(f"{found} of {told} messages are found")
+        if stated is not None and found != stated:
+            words.append(f"{found} of {stated} messages are found")
         elif words:
             words.append(f"{found} messages are found")
         return "; ".join(words)
 
     def _span(self, span_ns: tuple[int, int] | None) -> str:
-        """When the chunks were recorded, by the file's clock; nothing when what they tell of it is spoilt, too."""
+        """Describe the time span of the chunks; empty if their stated times are damaged, too."""
         if span_ns is None:
             return ""
         first, last = min(chunk.first_ns for chunk in self._chunks), max(chunk.last_ns for chunk in self._chunks)

@@ -1,4 +1,4 @@
-"""Records of an MCAP file one after the other, also past a stretch where no record can be told from the next."""
+"""Records of an MCAP file in sequence, resuming after ranges in which records cannot be separated."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from textile_twin_core.recordings.mcap_parts import LEAST_MESSAGE
 
 MAGIC = b"\x89MCAP0\r\n"
 CHUNK_HEAD_BYTES = 40
-"""What stands in a chunk besides the name of its compression and its records."""
+"""Size of a chunk without the name of its compression and its records."""
 _HEAD = struct.Struct("<BQ")
 _COMPRESSIONS = (b"", b"zstd", b"lz4")
 _KNOWN = frozenset(int(opcode) for opcode in Opcode)
 _PRIVATE = 0x80
 _FOOTER_LENGTH, _DATA_END_LENGTH = 20, 4
 _CHAIN = 4
-"""Messages outside chunks carry nothing to know them by: so many in a row are no accident."""
+"""Number of consecutive valid messages outside chunks that confirm a position, since they have no marker."""
 
-# Records shorter than 2**40 bytes; what follows the first byte is looked at, not used up: the true one may lie there.
+# Records shorter than 2**40 bytes; lookahead, since the true record may start within the checked bytes.
 _ANY_CHUNK = re.compile(rb"(?s)\x06(?=.{5}\0\0\0)")
 _STRUCTURE = re.compile(rb"(?s)[\x02\x06\x07\x0f](?=.{5}\0\0\0)")
 _LOOSE = re.compile(rb"(?s)[\x02\x05\x0f](?=.{5}\0\0\0)")
 
 
 def walk(buffer: mmap.mmap | bytes, start: int, end: int) -> Iterator[tuple[int, int, int]]:
-    """Records between start and end: (opcode, position, end), without an incomplete last one."""
+    """Iterate over records between start and end: (opcode, position, end), without an incomplete last one."""
     unpack = _HEAD.unpack_from
     while start + 9 <= end:
         opcode, length = unpack(buffer, start)
@@ -41,77 +41,80 @@ def walk(buffer: mmap.mmap | bytes, start: int, end: int) -> Iterator[tuple[int,
 
 
 class Framing:
-    """The records of a file, (opcode, position, end) each, without an incomplete last one.
+    """Iterator over the records of a file, (opcode, position, end) each, without an incomplete last one.
 
-    Where a record's head makes no sense, what comes next is searched for: `lost` tells the stretches between, start
-    and end, and ends with the stretch up to the end of the file when nothing comes next.
+    Where the head of a record is invalid, the next valid record is searched for. `lost` lists the ranges in
+    between, start
+    and end, up to the end of the file if no record follows.
 
     Args:
-        file: the file.
-        channels: those declared so far, by which messages outside chunks are known.
+        file: The file.
+        channels: Channels declared so far, which identify messages outside chunks.
     """
 
     def __init__(self, file: mmap.mmap, channels: Container[int]) -> None:
         self._file, self._size, self._channels = file, len(file), channels
         self._chunked: bool | None = None
-        """None before the first chunk as long as nothing had to be searched for."""
+        """True if the file has chunks; None until a chunk or a search decides it."""
         self._waiting = -1
-        """The channel of a record that is held back, not declared yet."""
+        """Channel of a pending record that is not declared yet."""
         self.lost: list[tuple[int, int]] = []
 
     def __iter__(self) -> Iterator[tuple[int, int, int]]:
         at = len(MAGIC)
-        held: tuple[int, int, int] | None = None  # its length may be what is wrong: it waits for what follows it
+        pending: tuple[int, int, int] | None = None  # its length may be wrong: yield it once the next record is valid
         while at + 9 <= self._size:
             opcode, after = self._head(at)
             if after is not None:
-                if held is not None:
-                    yield held
-                held, at = (opcode, at, after), after
+                if pending is not None:
+                    yield pending
+                pending, at = (opcode, at, after), after
                 if opcode == Opcode.CHUNK:
                     self._chunked = True
                 if opcode == Opcode.FOOTER:
                     break
                 continue
-            if held is not None and held[0] == Opcode.CHANNEL and held[2] - held[1] >= 11:
-                (self._waiting,) = struct.unpack_from("<H", self._file, held[1] + 9)
-            found = self._search(at if held is None else held[1] + 9)
-            if held is not None and (found is None or found >= at):
-                yield held
-            elif held is not None:
-                at = held[1]
+            if pending is not None and pending[0] == Opcode.CHANNEL and pending[2] - pending[1] >= 11:
+                (self._waiting,) = struct.unpack_from("<H", self._file, pending[1] + 9)
+            found = self._search(at if pending is None else pending[1] + 9)
+            if pending is not None and (found is None or found >= at):
+                yield pending
+            elif pending is not None:
+                at = pending[1]
             self.lost.append((at, self._size if found is None else found))
             if found is None:
                 return
-            held, at = None, found
-        if held is not None:
-            yield held
+            pending, at = None, found
+        if pending is not None:
+            yield pending
 
     def _head(self, at: int) -> tuple[int, int | None]:
-        """The opcode and the end of the record there; no end when there can be no such record."""
+        """Return opcode and end of the record at a position; the end is None if the record is not valid."""
         opcode, length = _HEAD.unpack_from(self._file, at)
         after: int = at + 9 + length
         if opcode == Opcode.CHUNK:
             return opcode, self._end_of_chunk(at, after)
         if after > self._size or (opcode not in _KNOWN and opcode < _PRIVATE):
             return opcode, None
-        if opcode == Opcode.FOOTER:  # the last record there is
+        if opcode == Opcode.FOOTER:  # the last record
             last = self._size - after <= len(MAGIC) or self._file[after : after + len(MAGIC)] == MAGIC
             return opcode, after if length == _FOOTER_LENGTH and last else None
         return opcode, after
 
     def _end_of_chunk(self, at: int, after: int) -> int | None:
-        """A chunk tells its length twice; where the two differ, that one counts after which a record follows."""
+        """Return the end of a chunk, which states its length twice; if the two differ, the one followed by a
+        record counts.
+        """
         if at + 9 + CHUNK_HEAD_BYTES > self._size:
             return None
-        by_records = self._told_by_records(at)
+        by_records = self._end_by_records(at)
         ends = [end for end in (after, by_records) if at + 9 + CHUNK_HEAD_BYTES <= end <= self._size]
         if after == by_records or not ends:
             return ends[0] if ends else None
         return next((end for end in ends if self._follows(end)), None)
 
-    def _told_by_records(self, at: int) -> int:
-        """Where the chunk ends by the length of its records; -1 when its compression has no name we know."""
+    def _end_by_records(self, at: int) -> int:
+        """Return the end of the chunk by the length of its records; -1 if its compression is unknown."""
         (length,) = struct.unpack_from("<I", self._file, at + 37)
         name = self._file[at + 41 : at + 41 + min(length, 8)]
         if name not in _COMPRESSIONS or length != len(name) or at + 49 + length > self._size:
@@ -121,17 +124,18 @@ class Framing:
         return end
 
     def _follows(self, at: int) -> bool:
-        """Whether a record may begin there, one that MCAP knows."""
+        """Return true if a known record may begin at a position."""
         if at + 9 > self._size:
             return False
         opcode, length = _HEAD.unpack_from(self._file, at)
         return opcode in _KNOWN and at + 9 + length <= self._size
 
     def _search(self, at: int) -> int | None:
-        """Where the next record stands beyond doubt; None when there is none.
+        """Find the next certain record; None if there is none.
 
-        Messages are taken for records of the file only where it has no chunks: those in a chunk that is lost are not
-        protected by its checksum any more.
+        Unchunked messages count as records only in files without chunks, since messages of a lost chunk are no
+        longer protected
+        by its checksum.
         """
         if self._chunked is None:
             self._chunked = self._find(_ANY_CHUNK, at) is not None
@@ -148,12 +152,12 @@ class Framing:
         if after > self._size:
             return False
         if opcode == Opcode.CHUNK:
-            return bool(length >= CHUNK_HEAD_BYTES and self._told_by_records(at) == after)
+            return bool(length >= CHUNK_HEAD_BYTES and self._end_by_records(at) == after)
         if opcode == Opcode.MESSAGE_INDEX:
             if length < 6 or (length - 6) % 16:
                 return False
-            (told,) = struct.unpack_from("<I", self._file, at + 11)
-            return bool(told == length - 6 and self._follows(after))
+            (stated,) = struct.unpack_from("<I", self._file, at + 11)
+            return bool(stated == length - 6 and self._follows(after))
         if opcode == Opcode.MESSAGE:
             return self._chain(at)
         if opcode == Opcode.FOOTER:
@@ -161,7 +165,7 @@ class Framing:
         return bool(length == _DATA_END_LENGTH and self._follows(after))
 
     def _chain(self, at: int) -> bool:
-        """Whether messages of declared channels follow one another here."""
+        """Return true if consecutive messages of declared channels start at a position."""
         for _ in range(_CHAIN):
             if at == self._size or (at + 9 <= self._size and self._file[at] in (Opcode.DATA_END, Opcode.FOOTER)):
                 return True

@@ -1,4 +1,4 @@
-"""Parts of an MCAP file: chunks, stretches of messages outside them, and where messages lie in one."""
+"""Parts of an MCAP file: chunks, runs of messages outside chunks, and positions of messages within them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LEAST_MESSAGE = 22
 
 
 class DamageError(RecordingError):
-    """A chunk whose checksum, compression or records do not hold (`why` says which), or a file that is none."""
+    """Error for a chunk with a wrong checksum, compression or record (`why`), or for a file that is not MCAP."""
 
     def __init__(self, message: str, why: str = "") -> None:
         super().__init__(message)
@@ -24,7 +24,7 @@ class DamageError(RecordingError):
 
 
 def decompress(compression: str, data: bytes, size: int) -> bytes:
-    """The bytes of a chunk, of this size; raises what the library of its compression raises."""
+    """Decompress a chunk to this size; raises the errors of the compression library."""
     if compression == "zstd":
         import zstandard
 
@@ -35,13 +35,13 @@ def decompress(compression: str, data: bytes, size: int) -> bytes:
         unpacked: bytes = lz4.frame.decompress(data)
         return unpacked
     if compression:
-        raise ValueError(f"compression {compression[:16]!r} is not known")
+        raise ValueError(f"compression {compression[:16]!r} is unknown")
     return data
 
 
 @dataclass
 class Part:
-    """A chunk, or a stretch of messages outside chunks: where it lies and, if the file tells, what it has."""
+    """Chunk, or run of messages outside chunks: its position and, where the file has an index, its messages."""
 
     start: int
     end: int
@@ -49,39 +49,39 @@ class Part:
     last_ns: int
     chunked: bool
     index: dict[int, IntArray] = field(default_factory=dict)
-    """Channel -> rows (log time, offset) of its messages; empty when the file does not tell."""
+    """Channel -> rows (log time, offset) of its messages; empty without an index."""
     heads: IntArray | None = None
-    """Where the messages that are whole begin in a damaged chunk; None for one that is not damaged."""
+    """Positions of the intact messages in a damaged chunk; None for an intact chunk."""
 
     @property
-    def told(self) -> int:
+    def indexed_count(self) -> int:
         """Number of messages by the index; 0 without one."""
         return sum(map(len, self.index.values()))
 
 
 @dataclass
 class Messages:
-    """All messages of one part: one entry per message, in the order of the file."""
+    """Messages of one part, in the order of the file."""
 
     buffer: Bytes
     heads: IntArray
 
     def channels(self) -> IntArray:
-        """Channel of each message."""
+        """Return the channel of each message."""
         return gather(self.buffer, self.heads + 9, "<u2").astype(np.int64)
 
     def counts(self) -> dict[int, int]:
-        """Messages of each channel."""
+        """Return the number of messages of each channel."""
         ids, numbers = np.unique(self.channels(), return_counts=True)
         return {int(channel): int(number) for channel, number in zip(ids, numbers, strict=True)}
 
     def span_ns(self) -> tuple[int, int]:
-        """Log times of the first and last message of which there is at least one."""
+        """Return the log times of the first and last message; requires at least one message."""
         times = gather(self.buffer, self.heads + 15, "<u8")
         return int(times.min()), int(times.max())
 
     def block(self, which: IntArray) -> MessageBlock:
-        """The chosen messages."""
+        """Return the chosen messages as a block."""
         heads = self.heads[which]
         sizes = gather(self.buffer, heads + 1, "<u8").astype(np.int64) - 22
         logged, published = (gather(self.buffer, heads + at, "<u8").astype(np.int64) for at in (15, 23))
@@ -89,7 +89,7 @@ class Messages:
 
 
 def find_gaps(buffer: Bytes, heads: IntArray) -> list[tuple[int, int]] | None:
-    """Stretches of the chunk that its indexed messages leave; None when the index does not fit the chunk."""
+    """Return the ranges of the chunk outside its indexed messages; None if the index does not fit the chunk."""
     if len(heads) == 0:
         return [(0, len(buffer))]
     if heads[0] < 0 or heads[-1] > len(buffer) - 31 or not (buffer[heads] == Opcode.MESSAGE).all():
@@ -107,7 +107,7 @@ def find_gaps(buffer: Bytes, heads: IntArray) -> list[tuple[int, int]] | None:
 
 
 def find_whole(buffer: Bytes, part: Part) -> IntArray:
-    """Heads of the messages of a damaged chunk, not compressed, that its index tells rightly: channel and log time."""
+    """Find the messages in an uncompressed damaged chunk whose channel and log time agree with its index."""
     rows = [np.column_stack([np.full(len(table), channel), table]) for channel, table in part.index.items()]
     table = np.concatenate(rows) if rows else np.empty((0, 3), np.int64)
     table = table[np.argsort(table[:, 2], kind="stable")]
@@ -126,15 +126,15 @@ def find_whole(buffer: Bytes, part: Part) -> IntArray:
 
 
 LOG_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".lvm", ".parquet", ".mat", ".h5", ".hdf5", ".tdms", ".mf4")
-"""Names of loggers' tables."""
+"""Suffixes of the tables of data loggers."""
 
 
 def what_it_is(head: bytes) -> str:
-    """What a file that is no MCAP file seems to be, from its first bytes."""
+    """Describe a file that is not MCAP, from its first bytes."""
     if not head:
         return "the file is empty"
     if head.startswith(b"#ROSBAG"):
         return "a ROS 1 bag, convert it first (rosbags-convert --src FILE --dst FOLDER)"
     if head.startswith(b"RRF"):
-        return "a rerun recording, no bag"
+        return "a rerun recording, not a bag"
     return "not a bag"

@@ -1,4 +1,4 @@
-"""MCAP files into blocks of messages, also those that are cut off or damaged."""
+"""Reader of MCAP files into blocks of messages, also of truncated or damaged files."""
 
 from __future__ import annotations
 
@@ -36,17 +36,17 @@ from textile_twin_core.recordings.zstd_storage import opened, plain_messages
 
 
 class McapFile:
-    """One MCAP file, opened: its channels, its message counts and its messages in blocks.
+    """Opened MCAP file: its channels, message counts, and messages in blocks.
 
-    `truncated` is set when the file ends without a footer, as after a kill; what is whole is read.
+    `truncated` is true if the file ends without a footer, as after a kill; the intact part is read.
 
     Args:
-        path: the file.
-        recording: the recording it belongs to; None when it is one by itself.
-        salvage: unpack everything now and leave out what is damaged, which `notices` tells then.
+        path: The file.
+        recording: Recording that the file belongs to; None for a single file.
+        salvage: Decompress everything at once and skip damaged parts, which `notices` then lists.
 
-    Raises RecordingError for a file that is no MCAP file, and, unless it is salvaged, for a damaged chunk: here or
-    when it is reached.
+    Raises:
+        RecordingError: The file is not MCAP or, unless salvaged, a chunk is damaged (here or when it is reached).
     """
 
     def __init__(self, path: Path, recording: Path | None = None, salvage: bool = False) -> None:
@@ -75,11 +75,11 @@ class McapFile:
         if salvage:
             self._salvage()
         self.counts = self._count(salvage)
-        self._let_go()
+        self._release_memory()
 
     @property
     def topics(self) -> dict[int, TopicInfo]:
-        """The topic of each channel."""
+        """Topic of each channel."""
         return {number: self._topic(channel) for number, channel in self._contents.channels.items()}
 
     def _topic(self, channel: Channel) -> TopicInfo:
@@ -99,7 +99,7 @@ class McapFile:
         )
 
     def span_ns(self) -> tuple[int, int] | None:
-        """Log times of the first and last message; None without messages."""
+        """Return the log times of the first and last message; None without messages."""
         filled = [part for part in self._contents.parts if part.last_ns]
         if not filled:
             return None
@@ -107,11 +107,11 @@ class McapFile:
 
     @property
     def notices(self) -> list[str]:
-        """What the user should know of the file, one line each."""
+        """Notices on the file for the user, one line each."""
         lines = []
         if self.truncated:
             lines.append(f"{self.path}: the recording was cut off; what was written before that is read")
-        damage = self._damage.words(sum(self.counts.values()), self._contents.told, self.span_ns())
+        damage = self._damage.words(sum(self.counts.values()), self._contents.stated_count, self.span_ns())
         if damage:
             lines.append(f"{self.path}: damaged: {damage}")
         return lines
@@ -121,7 +121,7 @@ class McapFile:
         for part in self._contents.parts:
             found = {channel: len(rows) for channel, rows in part.index.items()}
             if not found or not all(channel in self._contents.channels for channel in found):
-                # No index, or no summary: the channels are declared inside the chunks alone.
+                # Without index or summary, channels are declared inside the chunks only.
                 part.index.clear()
                 found = self.messages(part).counts()
             for channel, number in found.items():
@@ -135,7 +135,7 @@ class McapFile:
         return counts
 
     def _salvage(self) -> None:
-        """Unpack every part; leave out what is damaged, and trust no index and no span that do not fit."""
+        """Decompress every part, skip damaged data, and discard indices and time spans that do not fit."""
         parts = self._contents.parts
         for part in tuple(parts):
             try:
@@ -151,12 +151,12 @@ class McapFile:
                 parts.remove(part)
                 continue
             part.first_ns, part.last_ns = messages.span_ns()
-            self._let_go()
+            self._release_memory()
 
     def _whole_heads(self, part: Part) -> IntArray:
-        """What can be told of the messages of a damaged chunk: those of one that has no checksum to be wrong.
+        """Find the intact messages of a damaged chunk that has no checksum.
 
-        Without an index they are those that stand before the damage, but for the last, whose length may be it.
+        Without an index these are the messages before the damage, except the last one, whose length may be wrong.
         """
         try:
             unpacked, _ = self._unpack(part)
@@ -169,7 +169,7 @@ class McapFile:
         return np.array(whole, np.int64)
 
     def _unpack(self, part: Part) -> tuple[bytes, bool]:
-        """The records of a chunk, and whether a checksum vouches for them."""
+        """Return the records of a chunk, and whether a checksum confirms them."""
         _, _, size, crc, name_length = struct.unpack_from("<QQQII", self._map, part.start + 9)
         name_start = part.start + 9 + 32
         compression = self._map[name_start : name_start + name_length].decode(errors="replace")
@@ -182,7 +182,7 @@ class McapFile:
             ) from error
         except (ValueError, RuntimeError) as error:
             raise self._damaged(part, str(error)) from error
-        except Exception as error:  # zstandard and lz4 each have an error class of their own
+        except Exception as error:  # zstandard and lz4 have different error classes
             raise self._damaged(part, f"{compression} cannot unpack it") from error
         if len(unpacked) != size or (crc and zlib.crc32(unpacked) != crc):
             raise self._damaged(part, "its checksum does not match")
@@ -194,10 +194,10 @@ class McapFile:
 
     @property
     def _way_out(self) -> str:
-        return f"textile-twin recover {shlex.quote(str(self._recording))} --out DIR keeps what is whole"
+        return f"textile-twin recover {shlex.quote(str(self._recording))} --out DIR recovers the intact part"
 
     def messages(self, part: Part) -> Messages:
-        """Messages of a part, found by its index where that is complete, by walking where it is not."""
+        """Find the messages of a part by its index if complete, otherwise record by record."""
         if not part.chunked:
             records = walk(self._map, part.start, part.end)
             found = [s for opcode, s, end in records if opcode == Opcode.MESSAGE and end - s >= 9 + LEAST_MESSAGE]
@@ -221,8 +221,8 @@ class McapFile:
                     self._contents.describe(opcode, unpacked[start + 9 : end])
                 reached = end
             complete &= reached == gap_end
-        if not checked and len(heads) + len(extra) < part.told:
-            raise self._damaged(part, f"{len(heads) + len(extra)} of its {part.told} messages are found")
+        if not checked and len(heads) + len(extra) < part.indexed_count:
+            raise self._damaged(part, f"{len(heads) + len(extra)} of its {part.indexed_count} messages are found")
         if not checked and not complete:
             raise self._damaged(part, "its records do not fill it")
         if extra:
@@ -235,7 +235,7 @@ class McapFile:
         return np.sort(np.concatenate([rows[:, 1] for rows in part.index.values()]))
 
     def blocks(self, channels: set[int], progress: Callable[[int], object] | None = None) -> Iterator[MessageBlock]:
-        """Messages of the given channels, part by part; parts that hold none of them are not unpacked."""
+        """Iterate over the messages of the given channels, part by part; parts without them are not decompressed."""
         for part in self._contents.parts:
             if part.index and channels.isdisjoint(part.index):
                 continue
@@ -245,9 +245,9 @@ class McapFile:
                 progress(len(which))
             if len(which):
                 yield plain_messages(messages.block(which), self.path)
-        self._let_go()
+        self._release_memory()
 
-    def _let_go(self) -> None:
-        """Give back the memory that holds what was read; the system's own copy of the file serves the next time."""
+    def _release_memory(self) -> None:
+        """Release the memory of the mapped file; the page cache of the system serves the next access."""
         if hasattr(self._map, "madvise"):
             self._map.madvise(mmap.MADV_DONTNEED)

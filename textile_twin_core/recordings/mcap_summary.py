@@ -1,4 +1,4 @@
-"""The summary of an MCAP file in the making: what it declares and where its chunks lie, told once more at its end."""
+"""Summary of an MCAP file being written: declarations and chunk positions, repeated at its end."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from textile_twin_core.recordings.schemas import MessageSchema
 
 
 class Summary:
-    """Gathers records as they are written."""
+    """Collection of the records of the summary."""
 
     def __init__(self) -> None:
         self.schemas: dict[str, records.Schema] = {}
@@ -20,10 +20,10 @@ class Summary:
         self._channels: list[records.Channel] = []
         self._chunk_count = 0
         self._chunk_indices = bytearray()
-        """Of all chunks, as the file takes them: a recording that goes on for long has very many."""
+        """Encoded index records of all chunks; compact, since long recordings have many chunks."""
 
     def add_schema(self, msgtype: str, definition: MessageSchema) -> records.Schema:
-        """The record of a type that is declared from now on."""
+        """Declare a type and return its record."""
         schema = records.Schema(
             id=len(self.schemas) + 1, name=msgtype, encoding=definition.encoding, data=definition.text.encode()
         )
@@ -31,7 +31,7 @@ class Summary:
         return schema
 
     def add_channel(self, topic: str, schema: records.Schema, metadata: dict[str, str]) -> records.Channel:
-        """The record of a topic that is declared from now on."""
+        """Declare a topic and return its record."""
         channel = records.Channel(
             id=len(self._channels) + 1,
             topic=topic,
@@ -43,16 +43,16 @@ class Summary:
         return channel
 
     def add_chunk(self, index: records.ChunkIndex) -> None:
-        """Note where a chunk lies."""
+        """Add the index record of a chunk."""
         self._chunk_count += 1
         self._chunk_indices += bytes_of(index)
 
     def groups(self, counts: Mapping[int, int], span_ns: tuple[int, int] | None) -> Iterator[tuple[Opcode, bytes]]:
-        """The summary's records, by kind, those that there are.
+        """Iterate over the non-empty groups of summary records, by kind.
 
         Args:
-            counts: messages of each channel.
-            span_ns: first and last log time; None without messages.
+            counts: Number of messages of each channel.
+            span_ns: First and last log time; None without messages.
         """
         first, last = span_ns or (0, 0)
         statistics = records.Statistics(
@@ -77,7 +77,7 @@ class Summary:
 
 
 def bytes_of(record: records.McapRecord) -> bytes:
-    """A record as the file takes it."""
+    """Encode a record."""
     builder = RecordBuilder()
     record.write(builder)
     data: bytes = builder.end()  # type: ignore[no-untyped-call]

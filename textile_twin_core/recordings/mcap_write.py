@@ -1,4 +1,4 @@
-"""MCAP files written in bulk: chunks of messages, and the records around them by the mcap library."""
+"""Bulk writer of MCAP files: chunks of messages, and the records around them by the mcap library."""
 
 from __future__ import annotations
 
@@ -22,12 +22,16 @@ _CHUNK_BYTES = 1 << 20
 
 
 class McapFileWriter:
-    """One MCAP file of profile ros2, compressed with zstd in chunks of about a megabyte, indexed.
+    """Writer of one MCAP file of profile ros2, compressed with zstd in chunks of about a megabyte, indexed.
 
     Schemas and channels are declared outside the chunks and again in the summary.
 
-    named: the path that an error names, where the file is to have that name later.
-    Raises OSError with that name when the disk takes no more.
+    Args:
+        path: The file.
+        named: Path in error messages, if the file is renamed later.
+
+    Raises:
+        OSError: The disk is full; the error has the name `named`.
     """
 
     def __init__(self, path: Path, named: Path | None = None) -> None:
@@ -43,7 +47,7 @@ class McapFileWriter:
         self._emit(records.Header(profile="ros2", library="textile-twin"))
 
     def _emit(self, record: records.McapRecord) -> tuple[int, int]:
-        """Write a record to the file: its position and length."""
+        """Write a record to the file; return its position and length."""
         data = bytes_of(record)
         start = self._file.tell()
         self._put(data)
@@ -56,14 +60,14 @@ class McapFileWriter:
 
     @contextmanager
     def _naming(self) -> Iterator[None]:
-        """What the system says of a full or vanished disk names no file by itself."""
+        """Add the name of the file to an error of the system."""
         try:
             yield
         except OSError as error:
             raise OSError(error.errno, error.strerror, str(self._named)) from error
 
     def add_channel(self, topic: str, msgtype: str, definition: MessageSchema, metadata: dict[str, str]) -> int:
-        """Declare a topic; its channel number."""
+        """Declare a topic; return its channel number."""
         self._end_chunk()
         schema = self._summary.schemas.get(msgtype)
         if schema is None:
@@ -132,11 +136,11 @@ class McapFileWriter:
 
     @property
     def is_removed(self) -> bool:
-        """Whether the file has no name any more, so that what is written goes nowhere."""
+        """True if the file was removed, so that further data would be lost."""
         return os.fstat(self._file.fileno()).st_nlink == 0
 
     def flush(self) -> None:
-        """Put everything written so far on the disk, so that neither a kill nor a power loss takes it."""
+        """Sync everything written so far to disk, safe from a kill or a power loss."""
         self._end_chunk()
         self._sync()
 
@@ -171,5 +175,5 @@ class McapFileWriter:
 
     def abandon(self) -> None:
         """Close the file as it is."""
-        with suppress(OSError):  # what is still in its buffer finds no room either
+        with suppress(OSError):  # the buffered data may not fit on the disk
             self._file.close()

@@ -1,4 +1,4 @@
-"""The message types that recordings and nodes read and write, by their names in ROS."""
+"""ROS names of the message types that recordings and nodes read and write."""
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 WRENCH = "geometry_msgs/msg/WrenchStamped"

@@ -1,4 +1,4 @@
-"""Recordings watched for faults: one after the other, in parallel on this machine, or on a Dask cluster."""
+"""Monitoring of recordings for faults: one after the other, in parallel processes, or on a Dask cluster."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from textile_twin_core.recordings.recording import Progress
 from textile_twin_core.recordings.recording_folder import recording_names
 from textile_twin_core.recordings.sample_times import evenly_timed
 
-_MOST_LEFT = 0.5
-"""Share of the measured torque (rms) that the machine may leave unexplained without a word."""
+_LARGEST_RESIDUAL = 0.5
+"""Largest RMS residual over the RMS measured torque without a warning."""
 
 
 @dataclass(frozen=True)
 class Job:
-    """One recording to watch, and how."""
+    """Recording to monitor, with machine and settings."""
 
     bag: Path
     machine: Machine
@@ -39,10 +39,16 @@ class Job:
 
 @dataclass(frozen=True)
 class Watched:
-    """What was seen of a recording: trends by column, (turns,) each, and alarms; error: why it was not watched.
+    """Result of monitoring a recording.
 
-    notes: what a person should know of it. learnt: turns from which it was learnt, which are not watched.
-    begin_ns: stamp of the first angle.
+    Attributes:
+        bag: The recording.
+        columns: Trends by column, (turns,) each.
+        alarms: Alarms raised.
+        error: Reason why the recording was not monitored; empty otherwise.
+        notes: Remarks on the recording for the user.
+        learnt: Number of turns used as the baseline, which are not monitored.
+        begin_ns: Stamp of the first angle [ns].
     """
 
     bag: Path
@@ -54,12 +60,12 @@ class Watched:
     begin_ns: int = 0
 
     def seconds(self, alarm: Alarm) -> float:
-        """When an alarm was raised, in seconds since the first angle."""
+        """Return the time of an alarm since the first angle [s]."""
         return (alarm.stamp_ns - self.begin_ns) * 1e-9
 
 
 def samples_of(job: Job) -> int:
-    """How many angles a recording holds; 0 of one that cannot be read."""
+    """Return the number of angles in a recording; 0 if it cannot be read."""
     try:
         return open_bag(job.bag).find_topic(job.topics.angle).count
     except TwinError:
@@ -67,7 +73,7 @@ def samples_of(job: Job) -> int:
 
 
 def watch_bag(job: Job, progress: Progress | None = None) -> Watched:
-    """Watch one recording; a recording that cannot be read gives its error. `progress` as in `monitor_recording`."""
+    """Monitor one recording; an unreadable recording gives its error. `progress` as in `monitor_recording`."""
     try:
         bag = open_bag(job.bag)
         angles = job.topics.read_angles(bag, job.machine.sensors.encoder)
@@ -87,20 +93,20 @@ def watch_bag(job: Job, progress: Progress | None = None) -> Watched:
         begin = int(angles.stamps.min())
         return Watched(job.bag, found.columns, found.alarms, "", notes, learnt, begin)
     why = (
-        f"{job.bag}: the shaft makes {turns} whole turns beside measured torque, and the first {learnt} are learnt"
-        " from: nothing is watched; record longer, or learn from fewer (--learn)"
+        f"{job.bag}: the shaft makes {turns} whole turns beside measured torque, and the first {learnt} are the"
+        " baseline: nothing is watched; record longer, or learn from fewer (--learn)"
     )
     return Watched(job.bag, found.columns, (), "; ".join([why, *notes]))
 
 
 def _foreign(columns: Mapping[str, FloatArray | IntArray], torque_Nm: FloatArray) -> tuple[str, ...]:
-    """A note where the machine explains little of the torque: faults would be named by chance."""
-    left, measured = float(np.median(columns["rms_Nm"])), float(np.sqrt(np.mean(np.square(torque_Nm))))
-    if left <= _MOST_LEFT * measured:
+    """Warn if the machine explains little of the torque, since faults would then be named by chance."""
+    residual, measured = float(np.median(columns["rms_Nm"])), float(np.sqrt(np.mean(np.square(torque_Nm))))
+    if residual <= _LARGEST_RESIDUAL * measured:
         return ()
     return (
-        f"the residual is {left:.3g} N m rms beside a measured torque of {measured:.3g} N m rms: faults are named by"
-        " chance where it is another machine, or its sensors are not settled; textile-twin compare tells why",
+        f"the residual is {residual:.3g} N m rms beside a measured torque of {measured:.3g} N m rms: faults are named"
+        " by chance if this is another machine, or its sensors are not calibrated; textile-twin compare shows why",
     )
 
 
@@ -129,7 +135,7 @@ def names_of(watched: Sequence[Watched]) -> list[str]:
 
 
 def trend_table(watched: Sequence[Watched]) -> dict[str, FloatArray | IntArray | list[str]]:
-    """All turns of all recordings in one table, in the order of the recordings; column `bag` names each."""
+    """Combine the turns of all recordings in one table, in the order of the recordings; column `bag` names each."""
     some = sorted((each for each in watched if each.columns), key=lambda each: str(each.bag))
     if not some:
         return {}

@@ -1,4 +1,4 @@
-"""The place of a recording that is to be written: what may be replaced."""
+"""Check of the output path of a recording."""
 
 from __future__ import annotations
 
@@ -11,16 +11,17 @@ _OF_A_RECORDING = (".yaml", ".mcap", ".db3", ".zstd")
 
 
 def check_place(path: Path, overwrite: bool) -> None:
-    """Raises OutputError unless a recording could be written there now."""
+    """Raise OutputError unless a recording can be written to this path."""
     if path.exists():
         check_replaceable(path, overwrite)
     check_folder(path)
 
 
 def check_replaceable(path: Path, overwrite: bool) -> None:
-    """Only a recording or an empty folder is replaced, the first only when that is asked for.
+    """Check that the path is an empty folder or, with `overwrite`, a recording.
 
-    Raises OutputError when something else is there.
+    Raises:
+        OutputError: Something else is there.
     """
     if not overwrite and not is_empty_folder(path):
         raise OutputError(
@@ -30,9 +31,9 @@ def check_replaceable(path: Path, overwrite: bool) -> None:
     entries = path.iterdir() if path.is_dir() else [path]
     others = sorted(entry.name for entry in entries if entry.suffix not in _OF_A_RECORDING or entry.is_dir())
     if others:
-        raise OutputError(f"output {path}: holds {others[0]}, which is no part of a recording; choose another name")
+        raise OutputError(f"output {path}: holds {others[0]}, which is not part of a recording; choose another name")
 
 
 def is_empty_folder(path: Path) -> bool:
-    """Whether there is a folder with nothing in it."""
+    """Return true for an existing empty folder."""
     return path.is_dir() and not any(path.iterdir())

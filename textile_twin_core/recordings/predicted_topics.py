@@ -1,4 +1,4 @@
-"""Which topics carry a machine's predictions, and which outputs of the engine each needs."""
+"""Topics of a machine's predictions, and the outputs that each needs."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ _FORBIDDEN = re.compile(r"\W", re.ASCII)
 
 @dataclass(frozen=True)
 class PredictedTopics:
-    """What is published of a machine.
+    """Published topics of a machine.
 
     Attributes:
-        has_torque: the balancing torque with its sigma and residual.
-        points: topic -> the point of the machine whose place it tells.
-        joints: name of each joint of joint_states -> its outputs for position and velocity.
-        depths_m: topic of a point -> its z; 0 for those without an entry.
-        pieces: topic -> the output for the torque of a piece of an elastic shaft, and the frame at its far end.
-        numbers: topic -> the output of a plain number.
+        has_torque: True for the balancing torque with its sigma and residual.
+        points: Topic -> point of the machine whose position it carries.
+        joints: Joint of joint_states -> its outputs for position and velocity.
+        depths_m: Topic of a point -> its z [m]; 0 by default.
+        pieces: Topic -> output for the torque of a piece of an elastic shaft, and the frame at its far end.
+        numbers: Topic -> output of a plain number.
     """
 
     has_torque: bool
@@ -38,7 +38,7 @@ class PredictedTopics:
 
     @property
     def outputs(self) -> list[str]:
-        """The outputs to compile the machine for."""
+        """Outputs to compile the machine for."""
         torque = [TORQUE] if self.has_torque else []
         places = [f"point_{point}_{axis}_m" for point in self.points.values() for axis in "xy"]
         elastic = [*(output for output, _ in self.pieces.values()), *self.numbers.values()]
@@ -46,11 +46,12 @@ class PredictedTopics:
 
 
 def predicted_topics(machine: AnyMachine) -> PredictedTopics:
-    """The topics of a machine: needle/position and the like for each measure of a linkage, its joints, its torque.
+    """List the topics of a machine: positions such as needle/position for each measure, its joints, its torque.
 
-    A machine of sliding elements has them as its joints, and no torque: its impacts are none that a sample could tell.
-    A machine with an elastic main shaft has the tool of every station too, such as needle_at_s3/position, and what is
-    the shaft's own (see `elastic_outputs`), each under the output's name.
+    A machine of sliding elements has them as its joints and no torque, since samples cannot represent impacts. A
+    machine
+    with an elastic main shaft also has the tool of every station, such as needle_at_s3/position, and the outputs of the
+    shaft (see `elastic_outputs`), each under its own name.
     """
     points = {f"{measure}/position": point for measure, point in machine.tools.items()}
     joints = dict(machine.joint_outputs)
@@ -72,10 +73,10 @@ def predicted_topics(machine: AnyMachine) -> PredictedTopics:
 
 
 def topic_name(name: str) -> str:
-    """A name as the part of a topic: what ROS does not allow there becomes `_`."""
+    """Convert a name to a part of a topic: characters that ROS forbids become `_`."""
     return _FORBIDDEN.sub("_", name)
 
 
 def is_of_an_elastic_shaft(topic: str, msgtype: str) -> bool:
-    """Whether a topic has the name and type of what a twin publishes of an elastic shaft, besides positions."""
+    """Return true if a topic has the name and type of an elastic shaft's output, other than positions."""
     return msgtype in (FLOAT64, WRENCH) and _OF_AN_ELASTIC_SHAFT.search(topic) is not None

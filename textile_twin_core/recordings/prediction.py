@@ -1,4 +1,4 @@
-"""Predicted torque of a recording: computed again from its shaft angles, or as the live twin published it."""
+"""Predicted torque of a recording: recomputed from its shaft angles, or as published by the live twin."""
 
 from __future__ import annotations
 
@@ -20,16 +20,22 @@ from textile_twin_core.twin import Samples, Session, compile_machine
 
 _BLOCK = 8192
 _OTHER_MACHINE = 0.05
-"""Median difference of predictions, over the peak, from which they are not of one machine."""
+"""Median difference of predictions, over the peak, that indicates another machine."""
 
 
 @dataclass(frozen=True)
 class PredictedTorque:
     """Predictions in order of time; arrays of shape (n,).
 
-    sigma_Nm: standard deviation, NaN where not known; settled: whether the shaft estimator had settled;
-    rejected: angle samples that gave no prediction, by cause; notes: what a reader of the numbers should know;
-    track: the shaft's motion, where the whole record was smoothed for it.
+    Attributes:
+        stamps_ns: Stamps [ns].
+        torque_Nm: Predicted torque [N m].
+        theta_rad: Shaft angle [rad].
+        sigma_Nm: Standard deviation [N m]; NaN where unknown.
+        settled: True where the shaft estimator has converged.
+        rejected: Number of angle samples without a prediction, by cause.
+        notes: Remarks on the numbers for the reader.
+        track: Motion of the shaft if the whole record was smoothed; None otherwise.
     """
 
     stamps_ns: IntArray
@@ -43,9 +49,10 @@ class PredictedTorque:
 
 
 def predictions(session: Session, angles: AngleSamples, progress: Progress | None = None) -> Iterator[Samples]:
-    """Feed recorded angles to a session, block by block: the predictions, block by block.
+    """Process recorded angles in a session and yield the predictions, block by block.
 
-    Raises RecordingError when not one comes out.
+    Raises:
+        RecordingError: There is not a single prediction.
     """
     some = False
     for start in range(0, len(angles), _BLOCK):
@@ -71,7 +78,7 @@ def recompute(
     progress: Progress | None = None,
     **shaft_settings: float,
 ) -> PredictedTorque:
-    """The torque that the twin predicts from recorded angles, with the shaft estimator of that name."""
+    """Predict the torque from recorded angles with the named shaft estimator."""
     session = compile_machine(machine, [TORQUE]).session(shaft, **shaft_settings)
     blocks = list(predictions(session, angles, progress))
     track, encoder = None, machine.sensors.encoder
@@ -93,17 +100,23 @@ def recompute(
 def recorded_torque(
     bag: Bag, computed: PredictedTorque, angle_topic: str, times: tuple[IntArray, IntArray] | None = None
 ) -> PredictedTorque:
-    """The torque that the live twin published into the recording, beside the topic of the shaft angle.
+    """Read the torque that the live twin published into the recording, beside the topic of the shaft angle.
 
-    Shaft angles, and whether the estimator had settled, are those of `computed`, by the stamps, which a prediction
-    shares with its angle sample. A note tells of predictions far from the computed ones. Raises RecordingError when
-    no stamp is shared.
+    Shaft angles and convergence of the estimator come from `computed`, matched by the stamps that a prediction
+    shares with
+    its angle sample. A note warns of predictions far from the computed ones.
 
     Args:
-        bag: the recording.
-        computed: what the twin predicts from the recorded angles.
-        angle_topic: their topic.
-        times: stamps of the angles as recorded and the reconstructed ones, where these came in bursts.
+        bag: The recording.
+        computed: Predictions from the recorded angles.
+        angle_topic: Topic of the angles.
+        times: Stamps of the angles as recorded, and the reconstructed ones if the stamps came in bursts.
+
+    Returns:
+        The published predictions.
+
+    Raises:
+        RecordingError: No stamp is shared.
     """
 
     def retimed(samples: TorqueSamples) -> TorqueSamples:
@@ -120,11 +133,11 @@ def recorded_torque(
         raise RecordingError(f"{bag.path}: no prediction on {torque.topic} has the stamp of a recorded shaft angle")
     sigma = np.full(len(torque), np.nan)
     if bag.has_topic(sigma_topic):
-        told = retimed(bag.read_torques(sigma_topic))
-        order = np.argsort(told.stamps, kind="stable")
-        at = np.clip(np.searchsorted(told.stamps[order], torque.stamps), 0, len(told) - 1)
-        same = told.stamps[order][at] == torque.stamps
-        sigma[same] = told.torque_Nm[order][at][same]
+        published = retimed(bag.read_torques(sigma_topic))
+        order = np.argsort(published.stamps, kind="stable")
+        at = np.clip(np.searchsorted(published.stamps[order], torque.stamps), 0, len(published) - 1)
+        same = published.stamps[order][at] == torque.stamps
+        sigma[same] = published.torque_Nm[order][at][same]
     return PredictedTorque(
         stamps_ns=torque.stamps[shared],
         torque_Nm=torque.torque_Nm[shared],
@@ -137,7 +150,9 @@ def recorded_torque(
 
 
 def far_apart(recorded_Nm: FloatArray, computed_Nm: FloatArray, settled: BoolArray) -> tuple[str, ...]:
-    """A note if recorded predictions cannot be of this machine: far off more often than load jumps explain."""
+    """Warn if recorded predictions cannot be of this machine: the median difference is too large for steps of
+    the load alone.
+    """
     good = settled & np.isfinite(recorded_Nm) & np.isfinite(computed_Nm)
     peak = float(np.max(np.abs(computed_Nm[good]), initial=0.0))
     if peak == 0.0:

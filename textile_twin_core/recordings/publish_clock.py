@@ -1,4 +1,4 @@
-"""The clock of messages that have no stamp: when they were published where that is the better clock, else recorded."""
+"""Choice of the clock for messages without a stamp: time of publishing if more regular, otherwise time of recording."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ import numpy as np
 from textile_twin_core.arrays import IntArray
 
 EVENER = 0.5
-"""Ratio of the intervals' deviations up to which the times of publishing are the better clock."""
+"""Largest ratio of interval deviations, publishing over recording, that selects the times of publishing."""
 _GAP_NS, _OTHER_CLOCK_NS = 250_000_000, 60_000_000_000
-"""Longer intervals are pauses; times further apart are of clocks that no other topic shares."""
+"""Intervals above the first are pauses; publish times off by more than the second are of an unrelated clock."""
 
 
 def better_clock(logged_ns: IntArray, published_ns: IntArray) -> IntArray:
-    """The times (n,) [ns] of messages without a stamp.
+    """Select the times (n,) [ns] of messages without a stamp.
 
-    A recorder that writes what has piled up logs it at once, and a coarse clock logs the same time several times.
+    A recorder that writes queued messages logs them all at once, and a coarse clock logs the same time repeatedly.
 
     Args:
-        logged_ns: (n,) when they were recorded.
-        published_ns: (n,) when they were published; 0 where the file does not say it.
+        logged_ns: (n,) times of recording.
+        published_ns: (n,) times of publishing; 0 where the file has none.
 
     Returns:
-        The times of publishing where they rise and are evener by EVENER, else those of recording.
+        The times of publishing if they increase and are more regular by EVENER, otherwise the times of recording.
 
     Example:
         >>> better_clock(np.array([0, 0, 0, 6]), np.array([1, 3, 5, 7]))
@@ -36,7 +36,7 @@ def better_clock(logged_ns: IntArray, published_ns: IntArray) -> IntArray:
 
 
 def _unevenness(times_ns: IntArray) -> float:
-    """Deviation of the intervals, as a part of their mean."""
+    """Return the standard deviation of the intervals over their mean."""
     step = np.diff(times_ns)
     step = step[np.abs(step) < _GAP_NS]
     mean = float(np.mean(step)) if step.size else 0.0

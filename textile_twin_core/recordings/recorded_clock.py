@@ -1,4 +1,4 @@
-"""Stamps of recorded samples that a wrong clock gave: those that leap ahead, and those after it was set back."""
+"""Faulty clocks of recorded samples: stamps that jump ahead, and stamps after the clock was set back."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from textile_twin_core.arrays import IntArray
 from textile_twin_core.recordings.samples import AngleSamples, TorqueSamples
 
 _SET_BACK_S = 1.0
-"""Stamps that go back by more, and go on from there, are of a clock that was set back."""
+"""Least backward step of a clock that was set back [s]."""
 _FEW = 10
 _FEWER = 0.9
-"""A clock that was set back by some seconds makes as many stamps that leap ahead as late ones, but for chance."""
-_MANY_LATE = 0.01  # part of the samples, from which it matters that they come after a stamp that leapt ahead
+"""Largest ratio of early to late samples for stamps that jump ahead; a clock set back gives a ratio near 1."""
+_MANY_LATE = 0.01  # share of late samples above which the user is warned
 
 
 def clock_notes(samples: AngleSamples | TorqueSamples) -> list[str]:
-    """What a person should know of the stamps of recorded samples: a line where a clock was set back within them."""
+    """Warn if a clock was set back within recorded samples; at most one line."""
     values = samples.angles_rad if isinstance(samples, AngleSamples) else samples.torque_Nm
     topic, stamps = samples.topic, samples.stamps[np.isfinite(values)]
     late = int(np.count_nonzero(stamps < np.maximum.accumulate(stamps)))
@@ -29,9 +29,9 @@ def clock_notes(samples: AngleSamples | TorqueSamples) -> list[str]:
 
 
 def on_one_clock(angles: AngleSamples, measured: TorqueSamples) -> tuple[TorqueSamples, list[str]]:
-    """The torques whose stamps are of the angles' clock, and what a person should know of both clocks.
+    """Return the torques on the clock of the angles, and notes on both clocks.
 
-    Where one clock was set back and not the other, nothing tells from there on which torque is of which angle.
+    If only one clock was set back, torques cannot be matched with angles from there on, and are discarded.
     """
     notes = [*clock_notes(angles), *clock_notes(measured)]
     known = np.isfinite(angles.angles_rad)
@@ -40,19 +40,19 @@ def on_one_clock(angles: AngleSamples, measured: TorqueSamples) -> tuple[TorqueS
         return measured, notes
     if of_torques:
         which, other, stamps = measured.topic, angles.topic, measured.stamps
-        kept = np.arange(stamps.size) < of_torques[0]
+        usable = np.arange(stamps.size) < of_torques[0]
     elif of_angles:
         which, other, stamps = angles.topic, measured.topic, angles.stamps[known]
-        kept = measured.stamps <= stamps[of_angles[0] - 1]
+        usable = measured.stamps <= stamps[of_angles[0] - 1]
     else:
         return measured, notes
     notes = [note for note in notes if not note.startswith(f"topic {which}: ")]
     notes.append(f"topic {which}: {set_back(stamps)}, and those of {other} do not: torque from there on is not used")
-    return replace(measured, stamps=measured.stamps[kept], torque_Nm=measured.torque_Nm[kept]), notes
+    return replace(measured, stamps=measured.stamps[usable], torque_Nm=measured.torque_Nm[usable]), notes
 
 
 def set_back(stamps: IntArray) -> str:
-    """In words where stamps (n,) go back by more than a second and go on from there; empty where they do not."""
+    """Describe where stamps (n,) go back by more than a second and continue from there; empty if they do not."""
     found = _set_back_at(stamps)
     if found is None:
         return ""
@@ -62,22 +62,22 @@ def set_back(stamps: IntArray) -> str:
 
 
 def _set_back_at(stamps: IntArray) -> tuple[int, float] | None:
-    """The first sample after stamps (n,) went back, and by how much [s]; None where they did not."""
+    """Return the first sample after stamps (n,) went back, and the step [s]; None if they did not."""
     if stamps.size < 2 * _FEW:
         return None
     step = np.diff(stamps)
     at = int(np.argmin(step)) + 1
     by_s = -int(step[at - 1]) * 1e-9
-    # A single stamp that was ahead comes back at once.
+    # After a single early stamp the clock returns at once.
     if by_s <= _SET_BACK_S or at < _FEW or len(stamps) - at < _FEW or int(stamps[at - _FEW]) < int(stamps[at]):
         return None
     return at, by_s
 
 
 def stamps_ahead(stamps: IntArray) -> IntArray:
-    """Samples whose stamps leap ahead of later ones, where without them many fewer come too late: (m,) indices.
+    """Find samples whose stamps jump ahead of later ones, if discarding them rescues many late samples: (m,) indices.
 
-    A clock that was wrong for one sample would otherwise cost all samples until it is that time.
+    Otherwise one wrong stamp would discard all samples up to its time.
     """
     late = np.count_nonzero(stamps < np.maximum.accumulate(stamps))
     ahead = np.flatnonzero(stamps > np.minimum.accumulate(stamps[::-1])[::-1])

@@ -1,4 +1,4 @@
-"""The messages of a recording, whatever its files: topics, counts, raw messages in blocks or by time."""
+"""Messages of a recording, independent of its files: topics, counts, raw messages in blocks or by time."""
 
 from __future__ import annotations
 
@@ -15,36 +15,39 @@ from textile_twin_core.recordings.cdr_decode import MessageBlock
 from textile_twin_core.recordings.rosbag2_metadata import TopicInfo
 
 Progress = Callable[[int], object]
-"""Called with the number of messages just read."""
+"""Callback with the number of messages just read."""
 
 
 class RecordedFile(Protocol):
-    """One readable file of a recording."""
+    """Readable file of a recording."""
 
     path: Path
     truncated: bool
 
     @property
     def notices(self) -> list[str]:
-        """What the user should know of the file, one line each."""
+        """Notices on the file for the user, one line each."""
 
     @property
     def topics(self) -> dict[int, TopicInfo]:
-        """The topic of each channel."""
+        """Topic of each channel."""
 
     def span_ns(self) -> tuple[int, int] | None:
-        """Log times of the first and last message; None without messages."""
+        """Return the log times of the first and last message; None without messages."""
 
     def blocks(self, channels: set[int], progress: Progress | None = None) -> Iterator[MessageBlock]:
-        """Messages of the given channels in blocks."""
+        """Iterate over the messages of the given channels in blocks."""
 
 
 class Recording:
     """Topics and raw messages of one recording.
 
-    topics: absolute name -> TopicInfo; start_ns, end_ns: log times of the first and last message;
-    metadata: the custom_data of the recording; truncated: it was cut off (kill, power loss) and ends early;
-    notices: what the user should know about the recording, one line each.
+    Attributes:
+        topics: Absolute name -> TopicInfo.
+        start_ns, end_ns: Log times of the first and last message [ns].
+        metadata: custom_data of the recording.
+        truncated: True if the recording was cut off (kill, power loss).
+        notices: Notices on the recording for the user, one line each.
     """
 
     def __init__(
@@ -77,9 +80,10 @@ class Recording:
         return sum(topic.count for topic in self.topics.values())
 
     def find_topic(self, name: str) -> TopicInfo:
-        """The topic of that name, with or without leading slash, or the only one that ends so.
+        """Find the topic of that name, with or without leading slash, or the only topic with this ending.
 
-        Raises RecordingError, with the topics there are, when there is none or more than one.
+        Raises:
+            RecordingError: No topic or several topics match; the text lists the topics.
         """
         absolute = "/" + name.strip("/")
         if absolute in self.topics:
@@ -94,26 +98,28 @@ class Recording:
         raise RecordingError(f"{self.path}: no topic {absolute}; topics there: {there or 'none'}")
 
     def has_topic(self, name: str) -> bool:
-        """Whether find_topic would give a topic with messages."""
+        """Return true if find_topic gives a topic with messages."""
         try:
             return self.find_topic(name).count > 0
         except RecordingError:
             return False
 
     def blocks(self, topic: str, progress: Progress | None = None) -> Iterator[MessageBlock]:
-        """Messages of one topic in blocks of raw bytes, file by file."""
+        """Iterate over the messages of one topic in blocks of raw bytes, file by file."""
         found = self.find_topic(topic)
         for file, channels in zip(self._files, self._channels[found.name], strict=True):
             if channels:
                 yield from file.blocks(channels, progress)
 
     def raw_messages(self, topics: list[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
-        """Every message as (topic, log time in ns, CDR bytes), by log time; one block per topic is held."""
+        """Iterate over all messages as (topic, log time [ns], CDR bytes), by log time, with one block per topic
+        in memory.
+        """
         names = list(self.topics) if topics is None else [self.find_topic(topic).name for topic in topics]
         yield from heapq.merge(*(self._one_topic(name) for name in names), key=itemgetter(1))
 
     def _one_topic(self, name: str) -> Iterator[tuple[str, int, bytes]]:
-        # Neighbouring blocks may overlap in time: what the next one could precede waits for it.
+        # Blocks may overlap in time: messages later than the start of the next block wait for it.
         waiting: list[tuple[str, int, bytes]] = []
         for block in self.blocks(name):
             ready = bisect_left(waiting, int(block.log_times_ns.min()), key=itemgetter(1))

@@ -1,4 +1,4 @@
-"""Offline replay: a recording in, the same recording with the twin's predictions out, as the live twin gives them."""
+"""Offline replay: copies a recording and adds the predictions of the twin, equal to those of the live twin."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from textile_twin_core.shaft import SampleReport
 from textile_twin_core.twin import Samples, compile_machine
 
 _LOOK_AHEAD = 10
-"""So many measured torques after one whose stamp is far ahead show that it is."""
+"""Number of later torques that reveal a stamp far ahead."""
 _RESIDUAL_STEP_NS = 500_000_000
-"""Predicted and measured torque meet in steps shorter than either waits for the other."""
+"""Step in which predicted and measured torque are paired, shorter than the waiting time of either."""
 
 
 @dataclass
 class Replay:
-    """What a replay did: the report on the angle samples, the messages written by topic, what a person should know."""
+    """Result of a replay: report on the angle samples, messages written by topic, remarks for the user."""
 
     report: SampleReport
     counts: dict[str, int] = field(default_factory=dict)
@@ -48,11 +48,13 @@ def replay_bag(
     progress: Progress | None = None,
     **shaft_settings: float,
 ) -> Replay:
-    """Copy a recording and add what the twin predicts, each message with its angle sample's stamp.
+    """Copy a recording and add the predictions of the twin, each message with the stamp of its angle sample.
 
-    Topics as the live twin's (see predicted_topics): balancing_torque/predicted and predicted_sigma, positions such
-    as needle/position, joint_states, robot_description of a linkage; and balancing_torque/residual at the stamps of
-    the measured torque, when the recording has one. A namespace of the angle's topic is kept. Topics of these names
+    The topics are those of the live twin (see predicted_topics): balancing_torque/predicted and predicted_sigma,
+    positions
+    such as needle/position, joint_states, robot_description of a linkage. With a measured torque in the recording,
+    balancing_torque/residual is added at its stamps. The namespace of the angle topic applies to all. Topics of
+    these names
     in the recording are not copied.
     """
     recorded = recorded or MachineTopics()
@@ -69,8 +71,8 @@ def replay_bag(
     residual = None
     clocks, recorded_stamps = clock_notes(angles), angles.stamps
     if topics.has_torque and bag.has_topic(recorded.torque_in(bag)):
-        jumps = load_jumps(compile_machine(machine, [TORQUE]))
-        stream = ResidualStream(machine.sensors.torque, jumps)
+        steps = load_jumps(compile_machine(machine, [TORQUE]))
+        stream = ResidualStream(machine.sensors.torque, steps)
         measured, clocks = on_one_clock(angles, recorded.read_torques(bag))
         angles, torque, timings = evenly_timed(angles, measured, machine)
         residual = _Residual(stream, torque, measured.stamps, out, writer.residual)
@@ -86,7 +88,7 @@ def replay_bag(
 
 
 class _Predictions:
-    """Writes the topics of a machine's predictions."""
+    """Writer of the topics of a machine's predictions."""
 
     def __init__(self, topics: PredictedTopics, out: BagWriter, namespace: str) -> None:
         self._predicted, self._out = topics, out
@@ -100,7 +102,7 @@ class _Predictions:
         self.topics = (self._torque, self._sigma, self.residual, self._joint_states, *self._points, *elastic)
 
     def write(self, samples: Samples, stamps: IntArray) -> None:
-        """Write the predictions of a block at the stamps (n,) of their samples [ns]."""
+        """Write the predictions of a block at the stamps (n,) [ns] of their samples."""
         if self._predicted.has_torque:
             self._out.write_wrenches(self._torque, stamps, samples[TORQUE])
             self._out.write_wrenches(self._sigma, stamps, samples.torque_sigma_Nm)
@@ -120,20 +122,20 @@ class _Predictions:
 
 
 class _Residual:
-    """Writes measured minus predicted torque, paired as the live twin pairs them."""
+    """Writer of measured minus predicted torque, paired as in the live twin."""
 
     def __init__(
         self, stream: ResidualStream, torque: TorqueSamples, stamps: IntArray, out: BagWriter, topic: str
     ) -> None:
         self._stream, self._torque, self._out, self._topic = stream, torque, out, topic
         self._stamps = None if torque.timing is None else stamps  # as recorded
-        # One stamp far ahead does not keep those after it waiting.
+        # A single stamp far ahead must not block the later ones.
         later = np.concatenate([torque.stamps, np.full(_LOOK_AHEAD, np.iinfo(np.int64).max)])
         self._due = np.lib.stride_tricks.sliding_window_view(later, _LOOK_AHEAD + 1).min(axis=1)
         self._next = 0
 
     def write(self, samples: Samples) -> None:
-        """Take a block of predictions and the torque measured meanwhile."""
+        """Add a block of predictions and the torques measured meanwhile."""
         stamps: IntArray = np.asarray(samples.stamps, np.int64)
         found = []
         start = 0

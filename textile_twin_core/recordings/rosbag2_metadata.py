@@ -1,4 +1,4 @@
-"""metadata.yaml of a rosbag2 folder, version 9: read, and written as rosbag2 of Jazzy writes it."""
+"""metadata.yaml of a rosbag2 folder, version 9: reader, and writer in the style of rosbag2 in Jazzy."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ _FOREVER = {"sec": 9223372036, "nsec": 854775807}
 
 @dataclass(frozen=True)
 class OfferedQos:
-    """Quality of service that a recorded topic was offered with, and will be replayed with."""
+    """Quality of service that a recorded topic was offered with, and is replayed with."""
 
     reliability: str = "reliable"
     durability: str = "volatile"
     depth: int = 10
 
     def profiles(self) -> list[dict[str, Any]]:
-        """The list that is written into metadata.yaml and in the channel's metadata."""
+        """Return the list for metadata.yaml and the metadata of the channel."""
         return [
             {
                 "history": "keep_last",
@@ -45,7 +45,7 @@ class OfferedQos:
 
     @classmethod
     def of(cls, profiles: str | Sequence[Any]) -> OfferedQos:
-        """From what a recording tells (a list, or its YAML text): the first profile; the usual one if it is none."""
+        """Read the first profile of a recording (a list, or its YAML text); the default if it is not valid."""
         try:
             listed = yaml.safe_load(profiles) if isinstance(profiles, str) else profiles
         except (yaml.YAMLError, ValueError):
@@ -60,7 +60,7 @@ class OfferedQos:
 
 
 def _named(value: object, names: tuple[str, str], usual: str) -> str:
-    """A policy by name, or by the number (1, 2) that rosbag2 wrote before version 9."""
+    """Return a policy by name, or by the number (1, 2) that rosbag2 wrote before version 9."""
     if value in names:
         return str(value)
     return names[int(value) - 1] if value in (1, 2) and isinstance(value, int) else usual
@@ -71,9 +71,15 @@ LATCHED = OfferedQos(durability="transient_local", depth=1)
 
 @dataclass(frozen=True)
 class TopicInfo:
-    """A topic of a recording: absolute name, message type, number of messages, and how it was offered.
+    """Topic of a recording.
 
-    schema: the definition of the type as the recording carries it; None where it carries none. encoding: of messages.
+    Attributes:
+        name: Absolute name.
+        msgtype: Message type.
+        count: Number of messages.
+        qos: Offered quality of service.
+        schema: Definition of the type in the recording; None if missing.
+        encoding: Encoding of the messages.
     """
 
     name: str
@@ -85,14 +91,14 @@ class TopicInfo:
 
 
 def dump(value: object) -> str:
-    """YAML text, keys in the given order."""
+    """Format as YAML, with keys in the given order."""
     text: str = yaml.dump(value, Dumper=getattr(yaml, "CSafeDumper", yaml.SafeDumper), sort_keys=False)
     return text
 
 
 @dataclass(frozen=True)
 class FileInfo:
-    """A complete file: its name, its first and last log time [ns], None without messages, and its messages by topic."""
+    """Complete file: name, first and last log time [ns] (None without messages), and number of messages by topic."""
 
     name: str
     span_ns: tuple[int, int] | None
@@ -100,12 +106,12 @@ class FileInfo:
 
 
 def total(files: Sequence[FileInfo]) -> Counter[str]:
-    """The messages of several files by topic."""
+    """Sum the messages of several files by topic."""
     return sum((Counter(file.counts) for file in files), Counter())
 
 
 def _entries(files: Sequence[FileInfo]) -> dict[str, Any]:
-    """Start, duration and count of one or several files as rosbag2 writes them."""
+    """Return start, duration and count of one or several files in the format of rosbag2."""
     spans = [file.span_ns for file in files if file.span_ns is not None]
     start = min((first for first, _ in spans), default=0)
     return {
@@ -118,7 +124,7 @@ def _entries(files: Sequence[FileInfo]) -> dict[str, Any]:
 def information(
     files: Sequence[FileInfo], topics: Iterable[TopicInfo], custom_data: Mapping[str, str]
 ) -> dict[str, Any]:
-    """The rosbag2 information of a recording in one or several files, which tell how many messages a topic has."""
+    """Build the rosbag2 information of a recording in one or several files, whose message counts are added."""
     counts = total(files)
     return {
         "version": 9,
@@ -164,9 +170,10 @@ def write(folder: Path, info: dict[str, Any]) -> None:
 
 
 def read(folder: Path) -> dict[str, Any]:
-    """The rosbag2 information of metadata.yaml; empty when there is none, as after a kill.
+    """Read the rosbag2 information of metadata.yaml; empty if the file is missing, as after a kill.
 
-    Raises RecordingError when the file is there but is not of rosbag2.
+    Raises:
+        RecordingError: The file exists but is not of rosbag2.
     """
     file = folder / "metadata.yaml"
     if not file.exists():
@@ -180,17 +187,17 @@ def read(folder: Path) -> dict[str, Any]:
 
 
 def read_embedded(text: str, file: Path) -> dict[str, Any]:
-    """The same from the copy that rosbag2 leaves in the .mcap file; empty text gives an empty one."""
+    """Read the copy that rosbag2 stores in the .mcap file; empty for an empty text."""
     return _load(text, file) if text else {}
 
 
 def custom_data(info: dict[str, Any], path: Path) -> dict[str, str]:
-    """The user's own entries."""
+    """Return the user entries."""
     return {str(key): str(value) for key, value in _mapping(info.get("custom_data") or {}, path).items()}
 
 
 def file_names(info: dict[str, Any], path: Path) -> list[str]:
-    """The files of the recording, as they are named."""
+    """Return the file names of the recording as listed."""
     names = info.get("relative_file_paths") or []
     if not isinstance(names, list):
         raise _unknown(path)

@@ -1,4 +1,4 @@
-"""Times of recorded samples that were stamped in bursts: even times in place of the stamps, or a refusal in words."""
+"""Times of recorded samples stamped in bursts: reconstructed even times, or an error."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from textile_twin_core.recordings.samples import AngleSamples, TorqueSamples
 from textile_twin_core.shaft.sample_clock import EvenTimes, StampBursts, even_times, find_bursts, sampling_period
 
 _ONE_BRIDGE = 0.05
-"""Part by which the periods of two topics' bursts may differ if they come over one bridge."""
+"""Largest relative difference of the burst periods of two topics on one bridge."""
 
 
 def evenly_timed(
     angles: AngleSamples, measured: TorqueSamples, machine: AnyMachine
 ) -> tuple[AngleSamples, TorqueSamples, list[StampTiming]]:
-    """The samples with even times where they were stamped in bursts, and what is known of these times.
+    """Replace burst stamps by even times, and return the samples with the properties of these times.
 
     Raises:
-        RecordingError: stamps that come in bursts, of samples that were not taken evenly.
+        RecordingError: Stamps come in bursts and the samples were not taken evenly.
     """
     timings: list[StampTiming] = []
     bursts = None if machine.sensors.encoder.teeth else find_bursts(angles.stamps, uneven=True)
@@ -48,22 +48,22 @@ def evenly_timed(
 
 
 def evenly_timed_angles(angles: AngleSamples, machine: AnyMachine) -> tuple[AngleSamples, list[StampTiming]]:
-    """The angles with even times where they were stamped in bursts; raises as `evenly_timed` does."""
+    """Replace burst stamps of angles by even times; raises as `evenly_timed`."""
     none = TorqueSamples("", np.empty(0, np.int64), np.empty(0))
     angles, _, timings = evenly_timed(angles, none, machine)
     return angles, timings
 
 
 def _checked(found: EvenTimes | StampBursts, topic: str, timings: list[StampTiming]) -> IntArray:
-    """The reconstructed times [ns], entered in `timings`.
+    """Return the reconstructed times [ns] and add them to `timings`.
 
     Raises:
-        RecordingError: there are none.
+        RecordingError: The times cannot be reconstructed.
     """
     if isinstance(found, StampBursts):
         raise RecordingError(
-            f"topic {topic}: the stamps come in bursts, {found.text}, and the samples keep to no even clock: their"
-            " times are not known; stamp them where they are taken"
+            f"topic {topic}: the stamps come in bursts, {found.text}, and the samples have no even clock: their"
+            " times are unknown; stamp them where they are taken"
         )
     timings.append(StampTiming(topic, found.bursts, found.period_s, found.half_width_s))
     return found.times_ns

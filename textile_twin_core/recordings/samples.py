@@ -1,4 +1,4 @@
-"""What is read of a recording's topics: angles, torques and points as arrays, each with its stamps."""
+"""Samples of the topics of a recording: angles, torques and points as arrays with stamps."""
 
 from __future__ import annotations
 
@@ -12,10 +12,13 @@ from textile_twin_core.comparison.stamp_timing import StampTiming
 class AngleSamples:
     """Angles of one joint in the order recorded; arrays of shape (n,).
 
-    stamps: ns, from the message headers; for Float64, which has none, when recorded.
-    velocities: rad/s, NaN where a message has none; None when no message has one.
-    timing: how the stamps come in bursts, where these are reconstructed times; None: as recorded.
-    recorded_ns: the stamps as recorded, where these are reconstructed times.
+    Attributes:
+        topic: Topic of the angles.
+        stamps: Stamps of the message headers [ns]; for Float64, which has none, times of recording.
+        angles_rad: Angles [rad].
+        velocities: Speeds [rad/s], NaN where a message has none; None if no message has one.
+        timing: Bursts of the stamps, if `stamps` are reconstructed times; None otherwise.
+        recorded_ns: Stamps as recorded, if `stamps` are reconstructed times; None otherwise.
     """
 
     topic: str

@@ -1,4 +1,4 @@
-"""Message definitions and their RIHS01 hashes, as a recording carries them."""
+"""Message definitions and their RIHS01 hashes, as stored in a recording."""
 
 from __future__ import annotations
 
@@ -21,7 +21,13 @@ _NO_MESSAGES = {
 
 @dataclass(frozen=True)
 class MessageSchema:
-    """text: the definition with those it needs, in the form `encoding`; type_hash: RIHS01 of the type."""
+    """Definition of a message type.
+
+    Attributes:
+        text: Definition with all nested ones, in the form `encoding`.
+        type_hash: RIHS01 hash of the type.
+        encoding: Form of the definition.
+    """
 
     text: str
     type_hash: str
@@ -30,11 +36,13 @@ class MessageSchema:
 
 @cache
 def message_schema(msgtype: str) -> MessageSchema:
-    """Schema of a type such as sensor_msgs/msg/JointState.
+    """Return the schema of a type such as sensor_msgs/msg/JointState.
 
-    Common types come with the rosbags library, as in the distribution that ROS_DISTRO names, else in ROS 2 Jazzy.
-    Others are read from the ROS packages that AMENT_PREFIX_PATH lists. Raises RecordingError for a type found in
-    neither.
+    Common types come with the rosbags library, as in ROS 2 Jazzy; others are read from the ROS packages listed in
+    AMENT_PREFIX_PATH.
+
+    Raises:
+        RecordingError: The type is found in neither.
     """
     from rosbags.typesys import Stores, get_typestore
 
@@ -65,7 +73,7 @@ def _installed_schema(msgtype: str) -> MessageSchema:
 
 
 def _needs(text: str, msgtype: str) -> list[str]:
-    """Message types that the fields of a definition name."""
+    """Return the message types named by the fields of a definition."""
     package = msgtype.split("/")[0]
     found = []
     for kind in _FIELD.findall(re.sub(r"#.*", "", text)):

@@ -1,4 +1,4 @@
-"""A simulation as a recording: what a machine's sensors and its twin would have published over the motion."""
+"""Recording of a simulation: messages of a machine's sensors and its twin over a motion."""
 
 from __future__ import annotations
 
@@ -15,26 +15,27 @@ from textile_twin_core.machine import AnyMachine
 from textile_twin_core.recordings.bag_write import BagWriter
 
 _START_NS = 1_000_000_000
-"""Time of the first sample of all: a stamp of 0 means in ROS that there is none."""
+"""Time of the first sample; in ROS a stamp of 0 means no stamp."""
 
 
 def write_simulated_bag(
     path: Path, machine: AnyMachine, motion: MotionTable, outputs: Mapping[str, FloatArray]
 ) -> None:
-    """Write main_shaft/angle, balancing_torque/measured and predicted where it is asked for, and outputs/NAME.
+    """Write main_shaft/angle, outputs/NAME and, if requested, balancing_torque/measured and predicted.
 
-    Angle and measured torque are what the machine's encoder and torque sensor say, without noise, steps or edges of
-    teeth: the torque late by the sensor's delay. All else is the machine's own. Times are those of the motion, or
-    follow from its constant speed. Raises MotionError when neither tells them, and for a toothed wheel: the file would
-    take the angles for its edges.
+    Angle and measured torque follow the encoder and torque sensor of the machine, including the sensor delay, without
+    noise, quantisation or edges of teeth. Times are those of the motion, or follow from its constant speed.
+
+    Raises:
+        MotionError: The times are unknown, or the encoder is a toothed wheel, whose edges a recording of angles lacks.
     """
     encoder, sensor = machine.sensors.encoder, machine.sensors.torque
     if encoder.teeth:
         raise MotionError(
-            f"the encoder is a wheel of {encoder.teeth} teeth, and a recording of a simulation holds angles, no edges:"
+            f"the encoder is a wheel of {encoder.teeth} teeth, and a recording of a simulation holds angles, not edges:"
             " leave teeth, missing_teeth and pitch_errors_rad out of the machine file for it"
         )
-    # No stamp is before the start, be the torque early.
+    # Keep stamps after the start, even for a negative delay.
     start_ns = _START_NS + max(0, round(-sensor.delay_s * 1e9))
     stamps = start_ns + np.rint(_times(motion) * 1e9).astype(np.int64)
     with BagWriter(path, {"source": f"simulation of {machine.name}"}, overwrite=True) as out:
@@ -43,7 +44,7 @@ def write_simulated_bag(
         out.write_joint_states("main_shaft/angle", stamps, ["main_shaft"], angle, speed)
         if "balancing_torque_Nm" in outputs:
             torque = outputs["balancing_torque_Nm"]
-            # What the sensor shows at a time is the torque before its delay.
+            # The sensor shows the torque with its delay.
             shown = stamps + round(sensor.delay_s * 1e9)
             out.write_wrenches("balancing_torque/measured", shown, sensor.gain * torque + sensor.offset_Nm)
             out.write_wrenches("balancing_torque/predicted", stamps, torque)

@@ -1,4 +1,4 @@
-"""SQLite files of rosbag2 (.db3) into blocks of messages, with or without the folder's metadata."""
+"""Reader of SQLite files of rosbag2 (.db3) into blocks of messages, with or without the metadata of the folder."""
 
 from __future__ import annotations
 
@@ -19,16 +19,18 @@ from textile_twin_core.recordings.zstd_storage import packed, plain_messages
 
 SQLITE_MAGIC = b"SQLite format 3\0"
 _BLOCK = 20_000
-"""Messages gathered before a block is handed on."""
+"""Number of messages per block."""
 
 
 class SqliteFile:
-    """A .db3 file, opened: its topics and its messages in blocks, behind the same face as McapFile.
+    """Opened .db3 file: its topics and its messages in blocks, with the interface of McapFile.
 
     Args:
-        path: the file. content: its bytes, where the file itself is compressed.
+        path: The file.
+        content: Decompressed content, if the file itself is compressed.
 
-    Raises RecordingError for a file that is damaged or no recording, here or when the damage is reached.
+    Raises:
+        RecordingError: The file is damaged or not a recording (here or when the damage is reached).
     """
 
     truncated = False
@@ -36,11 +38,11 @@ class SqliteFile:
     def __init__(self, path: Path, content: BinaryIO | None = None) -> None:
         self.path, self._place = path, path
         if content is not None:
-            # SQLite opens files by their names alone.
-            self._kept = tempfile.NamedTemporaryFile(suffix=".db3")  # noqa: SIM115
-            shutil.copyfileobj(content, self._kept)
-            self._kept.flush()
-            self._place = Path(self._kept.name)
+            # SQLite opens files only by name.
+            self._temporary = tempfile.NamedTemporaryFile(suffix=".db3")  # noqa: SIM115
+            shutil.copyfileobj(content, self._temporary)
+            self._temporary.flush()
+            self._place = Path(self._temporary.name)
         with self._open() as database:
             self.topics = _topics(database)
             first, last = database.execute("SELECT MIN(timestamp), MAX(timestamp) FROM messages").fetchone()
@@ -48,11 +50,11 @@ class SqliteFile:
 
     @property
     def notices(self) -> list[str]:
-        """Nothing: what is damaged raises."""
+        """Notices: none, since damage raises an error."""
         return []
 
     def span_ns(self) -> tuple[int, int] | None:
-        """Log times of the first and last message; None without messages."""
+        """Return the log times of the first and last message; None without messages."""
         return self._span
 
     @contextmanager
@@ -64,7 +66,7 @@ class SqliteFile:
             raise RecordingError(f"{self.path}: damaged, or no SQLite file of rosbag2: {error}") from error
 
     def blocks(self, channels: set[int], progress: Callable[[int], object] | None = None) -> Iterator[MessageBlock]:
-        """Messages of the given channels in blocks, in log-time order."""
+        """Iterate over the messages of the given channels in blocks, in log-time order."""
         chosen = ",".join(map(str, sorted(channels)))
         query = f"SELECT timestamp, data FROM messages WHERE topic_id IN ({chosen}) ORDER BY timestamp"
         with self._open() as database:
@@ -77,24 +79,24 @@ class SqliteFile:
 
 
 def _topics(database: sqlite3.Connection) -> dict[int, TopicInfo]:
-    """The topic of each channel; older files have fewer columns, and no definitions."""
+    """Return the topic of each channel; older files have fewer columns, and no definitions."""
     counts = dict(database.execute("SELECT topic_id, COUNT(*) FROM messages GROUP BY topic_id").fetchall())
     schemas = _schemas(database)
     columns = [name for _, name, *_ in database.execute("PRAGMA table_info(topics)")]
     topics = {}
     for row in database.execute("SELECT * FROM topics").fetchall():
-        told = dict(zip(columns, row, strict=True))
-        name, kind = str(told["name"]), str(told["type"])
-        qos = OfferedQos.of(str(told.get("offered_qos_profiles") or ""))
-        encoding = str(told.get("serialization_format") or "cdr")
-        number = int(told["id"])
+        entry = dict(zip(columns, row, strict=True))
+        name, kind = str(entry["name"]), str(entry["type"])
+        qos = OfferedQos.of(str(entry.get("offered_qos_profiles") or ""))
+        encoding = str(entry.get("serialization_format") or "cdr")
+        number = int(entry["id"])
         topics[number] = TopicInfo(name, kind, int(counts.get(number, 0)), qos, schemas.get(kind), encoding)
     return topics
 
 
 def _schemas(database: sqlite3.Connection) -> dict[str, MessageSchema]:
-    there = database.execute("SELECT name FROM sqlite_master WHERE name = 'message_definitions'").fetchone()
-    if there is None:
+    table = database.execute("SELECT name FROM sqlite_master WHERE name = 'message_definitions'").fetchone()
+    if table is None:
         return {}
     rows = database.execute(
         "SELECT topic_type, encoding, encoded_message_definition, type_description_hash FROM message_definitions"

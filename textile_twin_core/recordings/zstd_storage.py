@@ -1,4 +1,4 @@
-"""Recordings that zstd has compressed, as whole files or message by message: seen by their bytes alone."""
+"""Recordings compressed by zstd, as whole files or message by message, recognised by their first bytes."""
 
 from __future__ import annotations
 
@@ -13,13 +13,16 @@ from textile_twin_core.recordings.cdr_decode import MessageBlock
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 SUFFIXES = (".zstd", ".zst")
-"""What names of files end in that rosbag2, or a person with `zstd`, has compressed."""
+"""File suffixes of rosbag2 compression and of the command `zstd`."""
 
 
 def opened(path: Path) -> tuple[BinaryIO, bytes]:
-    """The file, or of one that zstd compressed a temporary one with its content, at its beginning; and its first bytes.
+    """Open a file, or a temporary file with the content of a zstd file; return it with its first bytes.
 
-    A file that was cut off gives what was written before that. Raises RecordingError for a damaged one.
+    A truncated file gives the content before the cut.
+
+    Raises:
+        RecordingError: The file is damaged.
     """
     file = path.open("rb")
     head = file.read(16)
@@ -48,9 +51,10 @@ def opened(path: Path) -> tuple[BinaryIO, bytes]:
 
 
 def plain_messages(block: MessageBlock, path: Path) -> MessageBlock:
-    """Messages as they are, or unpacked where each was compressed by itself. CDR never begins as zstd does.
+    """Decompress messages that were compressed one by one, and return others unchanged; CDR never starts like zstd.
 
-    Raises RecordingError for a message that cannot be unpacked.
+    Raises:
+        RecordingError: A message cannot be decompressed.
     """
     if not len(block) or not block.message(0).startswith(ZSTD_MAGIC):
         return block
@@ -67,11 +71,11 @@ def plain_messages(block: MessageBlock, path: Path) -> MessageBlock:
 
 
 _MOST_BYTES = 1 << 26
-"""Of a message that does not say its size."""
+"""Size limit of a message that does not state its size."""
 
 
 def packed(times_ns: list[int], data: list[bytes]) -> MessageBlock:
-    """A block of single messages: log times and CDR bytes."""
+    """Build a block of single messages from log times and CDR bytes."""
     sizes = np.array([len(cdr) for cdr in data], np.int64)
     starts = np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(np.int64)
     return MessageBlock(np.frombuffer(b"".join(data), np.uint8), starts, sizes, np.array(times_ns, np.int64))
