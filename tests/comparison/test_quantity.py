@@ -68,7 +68,7 @@ def test_camera_trace_by_commands_alone(tmp_path: Path, capsys: pytest.CaptureFi
     arguments = ["compare", bag, "--machine", "elliptic_gear_beatup", "--quantity", "sley_position_m"]
     assert main([*arguments, "--png", str(tmp_path / "sley.png"), "--json", str(tmp_path / "sley.json")]) == 0
     said = capsys.readouterr().out
-    assert "84.9" in said and "RMS error left" in said
+    assert "84.9" in said and "RMS error after fit" in said
     assert (tmp_path / "sley.png").stat().st_size > 20_000
     assert main(["compare", bag, "--machine", "elliptic_gear_beatup", "--quantity", "sley_positon_m"]) == 2
     assert "did you mean sley_position_m" in capsys.readouterr().err

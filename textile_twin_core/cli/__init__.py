@@ -1,1 +1,1 @@
-"""The command textile-twin."""
+"""Command textile-twin."""

@@ -1,4 +1,4 @@
-"""Arguments that several commands share, read strictly: a mistake is one line that names what would be right."""
+"""Arguments shared by several commands, checked strictly: a mistake gives one line with the valid choices."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from typing import NoReturn
 from textile_twin_core.cli.mistakes import UsageError
 
 MOST_RPM = 1e5
-"""No shaft of a textile machine turns faster; who asks for more has mistaken the unit."""
+"""Largest plausible speed; a larger one is a mistake in the unit."""
 
 
 MOST_SAMPLES = 10_000_000
-"""So many samples of a dozen outputs still fit into the memory of a small computer."""
+"""Largest number of samples; a dozen outputs of these fit into the memory of a small computer."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -28,7 +28,7 @@ class Parser(argparse.ArgumentParser):
             formatter_class=argparse.RawDescriptionHelpFormatter,
             allow_abbrev=False,
         )
-        self._negative_number_matcher = re.compile(r"-[.]?\d")  # argparse takes -1e-3 for an option
+        self._negative_number_matcher = re.compile(r"-[.]?\d")  # by default argparse reads -1e-3 as an option
 
     def error(self, message: str) -> NoReturn:
         """Raise UsageError."""
@@ -36,7 +36,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def add_machine(parser: argparse.ArgumentParser, option: bool, required: bool = True) -> None:
-    """MACHINE, as an argument of its own or as --machine, and --set."""
+    """Add MACHINE, positional or as --machine, and --set."""
     text = "name of a machine (see textile-twin machines) or path of a machine file (.yaml)"
     if option:
         parser.add_argument("--machine", required=required, help=text)
@@ -54,7 +54,7 @@ def add_machine(parser: argparse.ArgumentParser, option: bool, required: bool = 
 def add_recording(
     parser: argparse.ArgumentParser, shaft: str | None = None, also: str = "", several: bool = False
 ) -> None:
-    """BAG or several, the topics, and with a default for `shaft` how the shaft's motion is estimated."""
+    """Add BAG, its topics and, with a default for `shaft`, the estimator of the shaft motion."""
     text = f"a rosbag2 folder, an .mcap or a .db3 file{also}"
     if several:
         parser.add_argument("bags", metavar="BAG", type=Path, nargs="+", help=f"{text}, or a folder of recordings")
@@ -73,19 +73,19 @@ def add_recording(
 
 
 def add_recording_topics(parser: argparse.ArgumentParser) -> None:
-    """Topics of a recording, and what to do with bad samples."""
+    """Add the topics of a recording, and the treatment of bad samples."""
     parser.add_argument("--angle-topic", default="main_shaft/angle", help="default %(default)s")
     parser.add_argument("--torque-topic", default="balancing_torque/measured", help="default %(default)s")
     parser.add_argument("--joint", default="main_shaft", help="joint of a JointState topic (default %(default)s)")
     parser.add_argument(
         "--skip-bad-samples",
         action="store_true",
-        help="leave out angles that are NaN or infinite, or whose stamp leaps ahead, instead of stopping",
+        help="leave out angles that are NaN or infinite, or whose stamp jumps ahead, instead of stopping",
     )
 
 
 def shaft_settings(arguments: argparse.Namespace) -> dict[str, float]:
-    """Settings of the shaft estimator."""
+    """Return the settings of the shaft estimator."""
     if arguments.shaft_lag is None:
         return {}
     if arguments.shaft != "lag":
@@ -94,7 +94,7 @@ def shaft_settings(arguments: argparse.Namespace) -> dict[str, float]:
 
 
 def positive(text: str) -> float:
-    """A positive finite number, as a type of an argument."""
+    """Parse a positive finite number."""
     try:
         value = float(text)
     except ValueError:
@@ -105,7 +105,7 @@ def positive(text: str) -> float:
 
 
 def number(text: str) -> float:
-    """A finite number, as a type of an argument."""
+    """Parse a finite number."""
     try:
         value = float(text)
     except ValueError:
@@ -116,7 +116,7 @@ def number(text: str) -> float:
 
 
 def factor(text: str) -> float:
-    """A finite number other than zero, as a type of an argument."""
+    """Parse a finite number other than zero."""
     try:
         value = float(text)
     except ValueError:
@@ -127,7 +127,7 @@ def factor(text: str) -> float:
 
 
 def shaft_speed(text: str) -> float:
-    """A speed in rpm that a machine's shaft may have, as a type of an argument."""
+    """Parse a plausible shaft speed in rpm."""
     value = number(text)
     if abs(value) > MOST_RPM:
         raise argparse.ArgumentTypeError(f"must be a speed in rpm, at most {MOST_RPM:g}, not '{text}'")
@@ -135,14 +135,14 @@ def shaft_speed(text: str) -> float:
 
 
 def count(text: str) -> int:
-    """A whole number from 1 on, as a type of an argument."""
+    """Parse a whole number from 1 on."""
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"must be a whole number from 1 on, not '{text}'")
     return int(text)
 
 
 def samples(text: str) -> int:
-    """How many samples to compute at once, as a type of an argument."""
+    """Parse a number of samples that fit into memory."""
     value = count(text)
     if value > MOST_SAMPLES:
         raise argparse.ArgumentTypeError(f"must be at most {MOST_SAMPLES}, not '{text}': memory holds all of them")
@@ -150,7 +150,7 @@ def samples(text: str) -> int:
 
 
 def seed(text: str) -> int:
-    """The seed of a search, as a type of an argument."""
+    """Parse the seed of a search."""
     if not text.isdecimal():
         raise argparse.ArgumentTypeError(f"must be a whole number from 0 on, not '{text}'")
     return int(text)

@@ -31,7 +31,7 @@ _DRAWN = {"shaft", "impacts"}
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """Build the argument parser."""
     parser = Parser(
         "bench",
         "Speed against error on this computer: our methods, the same closed form in C where a compiler is at hand,\n"
@@ -71,14 +71,14 @@ def parser() -> Parser:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Measure, print, write."""
+    """Measure, print and write the tables."""
     if arguments.png and arguments.png.suffix.lower() != ".png":
         raise UsageError(f"--png {arguments.png}: the name must end in .png")
     if arguments.png:
         import matplotlib  # noqa: F401  so that its lack shows before the work, not after it
     machine = load_linkage(arguments.machine, arguments.set)
     asked = {name for name in _MORE if arguments.all or getattr(arguments, name)}
-    with ExitStack() as files:  # opened now: what cannot be written must show before the work
+    with ExitStack() as files:  # opened first, so that an unwritable file fails before the work
         report = files.enter_context(staged(arguments.json)) if arguments.json else None
         pictures = {}
         if arguments.png:
@@ -143,7 +143,7 @@ def _complain(line: str) -> None:
 
 
 def _bar(what: str) -> Callable[[int, int], object]:
-    """Progress for people: nothing where standard error is no terminal."""
+    """Show progress if standard error is a terminal."""
 
     def show(done: int, total: int) -> None:
         if sys.stderr.isatty():

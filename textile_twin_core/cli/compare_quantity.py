@@ -22,15 +22,15 @@ SPEED = "speed"
 
 
 def run(arguments: argparse.Namespace, machine: Machine, limits: Iterable[str] = ()) -> None:
-    """Compare, tell, write; `limits` are options that speak of torques alone."""
+    """Compare, print and write; `limits` are options that apply to torques only."""
     for form in ("rrd", "html"):
         if getattr(arguments, form) is not None:
             raise UsageError(f"--{form} shows torques; with --quantity give --json or --png")
     for limit in limits:
         if getattr(arguments, limit.replace("-", "_")) is not None:
-            raise UsageError(f"--{limit} is a limit of torques; with --quantity read what --json writes")
+            raise UsageError(f"--{limit} is a limit of torques; with --quantity use the numbers of --json")
     if arguments.predicted == "recorded":
-        raise UsageError("--predicted recorded speaks of torques; --quantity is worked out from the angles")
+        raise UsageError("--predicted recorded applies to torques; --quantity is computed from the angles")
     if arguments.quantity == SPEED:
         if arguments.png is not None:
             raise UsageError("--png shows a quantity over the shaft angle; with --quantity speed give --json")
@@ -38,17 +38,17 @@ def run(arguments: argparse.Namespace, machine: Machine, limits: Iterable[str] =
         tell_unit(angles)
         with _bar(len(angles)):
             driven = driven_speed(readings_of(angles, measured), machine)
-        rows, told = driven_rows(driven), driven.to_json()
+        rows, numbers = driven_rows(driven), driven.to_json()
     else:
         found = _compared(arguments, machine)
-        rows, told = _rows(found), found.to_json()
+        rows, numbers = _rows(found), found.to_json()
         if arguments.png is not None:
             from textile_twin_core.views.plot_quantity import plot_quantity
 
             with staged(arguments.png) as partial:
                 plot_quantity(partial, found, machine.name)
     print_rows(rows)
-    write_json(arguments, machine, told)
+    write_json(arguments, machine, numbers)
 
 
 def _compared(arguments: argparse.Namespace, machine: Machine) -> QuantityComparison:
@@ -79,26 +79,31 @@ def _rows(found: QuantityComparison) -> list[tuple[str, str]]:
     rows = [
         ("quantity", found.name),
         ("samples", f"{found.time_s.size}"),
-        ("scale", _told(found.scale, 1.0, "")),
-        ("offset", _told(found.offset, factor, unit)),
-        ("delay", _told(found.delay_s, 1e3, "ms")),
-        ("encoder zero, beside the machine file's", _told(found.zero_rad, 180.0 / math.pi, "deg")),
+        ("scale", _estimate_text(found.scale, 1.0, "")),
+        ("offset", _estimate_text(found.offset, factor, unit)),
+        ("delay", _estimate_text(found.delay_s, 1e3, "ms")),
+        ("encoder zero, beside the machine file's", _estimate_text(found.zero_rad, 180.0 / math.pi, "deg")),
         ("shaft speed, usual", f"{found.speed_rad_s * 30.0 / math.pi:.1f} rpm"),
         ("range over a turn, measured", f"{found.measured_range * factor:.3f} {unit}".rstrip()),
         ("range over a turn, machine", f"{found.machine_range * factor:.3f} {unit}".rstrip()),
-        ("RMS error as told", f"{found.rms_as_told * factor:.4g} {unit}".rstrip()),
-        ("RMS error left", f"{found.rms * factor:.4g} {unit}".rstrip()),
+        ("RMS error as configured", f"{found.rms_as_told * factor:.4g} {unit}".rstrip()),
+        ("RMS error after fit", f"{found.rms * factor:.4g} {unit}".rstrip()),
         ("explained", f"{found.explained:.4%}"),
     ]
     if found.at_rest:
-        note = f"{found.at_rest} samples of a shaft at rest are left out: dry friction may be anything there"
+        note = f"{found.at_rest} samples at standstill are skipped: dry friction is undetermined there"
         rows.append(("note", note))
     if found.one_speed:
-        rows.append(("note", "at one speed a delay is a zero of the encoder; all of it was taken as delay"))
+        rows.append(
+            (
+                "note",
+                "at one speed a delay equals an encoder zero; all of it is taken as delay",
+            )
+        )
     return rows
 
 
-def _told(each: Estimate, factor: float, unit: str) -> str:
+def _estimate_text(each: Estimate, factor: float, unit: str) -> str:
     if not math.isfinite(each.sigma):
         return f"{each.value * factor:.5g} {unit}".rstrip() + ", not fitted"
     return f"{each.value * factor:.5g} +- {each.sigma * factor:.2g} {unit}".rstrip()

@@ -1,4 +1,4 @@
-"""A recording drawn for the viewer: measured beside predicted torque, or what the shaft's angle alone tells."""
+"""Recording drawn for the viewer: measured beside predicted torque, or the motion alone."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from textile_twin_core.recordings.predicted_topics import TORQUE
 
 
 def write_drawn(path: Path, arguments: argparse.Namespace, machine: AnyMachine) -> None:
-    """Write the recording that the arguments of add_recording name as an .rrd file."""
+    """Write the recording named by the arguments of add_recording as an .rrd file."""
     if isinstance(machine, ContactMachine):
         _write_elements(path, arguments, machine)
         return
@@ -30,7 +30,7 @@ def write_drawn(path: Path, arguments: argparse.Namespace, machine: AnyMachine) 
         return
     from textile_twin_core.views import write_motion_recording
 
-    # The shaft's angle comes with any output.
+    # The samples of any output include the shaft angle.
     outputs = [TORQUE if machine.tells_torque else next(iter(machine.joint_outputs.values()))[0]]
     stations = [name for name, _ in station_joints(machine)]
     stamps, blocks, _ = predicted_blocks(arguments, machine, [*outputs, *stations], arguments.shaft)
@@ -42,17 +42,17 @@ def write_drawn(path: Path, arguments: argparse.Namespace, machine: AnyMachine) 
 
 
 def _holds_torque(arguments: argparse.Namespace) -> bool:
-    """Whether a torque was recorded beside the angle."""
+    """Return true if the recording has a torque beside the angle."""
     bag = open_bag(arguments.bag)
     return bag.has_topic(topics_of(arguments).torque_in(bag))
 
 
 def _write_elements(path: Path, arguments: argparse.Namespace, machine: ContactMachine) -> None:
-    """The motion of a contact machine's elements, as the recorded shaft moves them."""
+    """Write the motion of a contact machine's elements under the recorded shaft motion."""
     from textile_twin_core.views import write_element_recording
 
     names = list(zip(*machine.joint_outputs.values(), strict=True))
-    # What it does follows from what it has done, as live.
+    # The machine has a history, so the causal estimator is used, as live.
     stamps, blocks, events = predicted_blocks(arguments, machine, [*names[0], *names[1]], "causal")
     positions, velocities = (
         np.concatenate([np.stack([block[name] for name in which], axis=1) for block in blocks]) for which in names

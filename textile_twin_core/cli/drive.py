@@ -25,12 +25,12 @@ from textile_twin_core.recordings.log_read import read_log
 
 _SUFFIXES = (".csv", ".parquet")
 _TIMES_NOMINAL, _TIMES_START = 100.0, 10.0
-"""A shaft that turns so many times as fast as the machine is made for, and as at the start, runs away."""
+"""Multiple of the nominal and the initial speed that counts as runaway."""
 _OVER_TIME, _OVER_ANGLE = ("time_s", "torque_Nm"), ("theta_rad", "torque_Nm")
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """Build the argument parser."""
     parser = Parser(
         "drive",
         "Torque in, motion out: how a machine runs up, coasts down or ripples under a drive torque, a number or a\n"
@@ -57,7 +57,7 @@ def parser() -> Parser:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Integrate, write the motion, tell what happened on the way."""
+    """Integrate and write the motion, and report events."""
     check_output("--out", arguments.out, *_SUFFIXES)
     keep_input(arguments.out, Path(arguments.torque))
     if arguments.samples < 2:
@@ -100,7 +100,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _chain_columns(motion: ChainMotion) -> dict[str, FloatArray]:
-    """Columns for every station and piece of an elastic shaft."""
+    """Return the columns of every station and piece of an elastic shaft."""
     columns = {}
     for k, name in enumerate(motion.stations):
         columns[f"station_{name}_theta_rad"] = motion.theta_rad[:, k]
@@ -111,13 +111,13 @@ def _chain_columns(motion: ChainMotion) -> dict[str, FloatArray]:
 
 
 def _fastest(machine: Machine, omega: float) -> float:
-    """A speed that the machine never has [rad/s]: whoever drives it there has mistaken a torque or a unit."""
+    """Return a speed beyond all plausible ones [rad/s]; exceeding it indicates a wrong torque or unit."""
     usual = max(_TIMES_NOMINAL * machine.nominal_speed_rad_s, _TIMES_START * abs(omega))
     return min(usual, 2.0 * MOST_RPM * math.pi / 30.0)
 
 
 def _torque(text: str) -> DriveTorque | float:
-    """A number, or a table over time or angle."""
+    """Parse a number, or a table over time or angle."""
     try:
         value = float(text)
     except ValueError:

@@ -1,4 +1,4 @@
-"""textile-twin explore: the design page in the browser, on this computer alone."""
+"""textile-twin explore: design page in the browser, on this computer only."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LAST_PORT = 65535
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """Build the argument parser."""
     parser = Parser(
         "explore",
         "The design page: every parameter as a slider, the moving linkage and its curves, goals and limits for an"

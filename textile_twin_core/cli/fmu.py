@@ -16,7 +16,7 @@ from textile_twin_core.machine import AnyMachine
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """Build the argument parser."""
     parser = Parser(
         "fmu",
         "Writes a machine as a source FMU (model exchange and co-simulation) in C, with a library for 64-bit Linux\n"
@@ -45,7 +45,7 @@ def parser() -> Parser:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Write the unit and say what is in it."""
+    """Write the unit and print its contents."""
     check_output("--out", arguments.out, ".fmu")
     keep_input(arguments.out, Path(arguments.machine))
     machine = load_machine(arguments.machine, arguments.set)

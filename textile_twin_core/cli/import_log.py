@@ -1,4 +1,4 @@
-"""textile-twin import: a recording from any logger's table."""
+"""textile-twin import: recording from the table of any data logger."""
 
 from __future__ import annotations
 
@@ -36,15 +36,15 @@ _KINDS = {
 
 _NONE = {"torque": "; none: do not take one", "speed": "; none: do not take one"}
 _MOST_HZ = 1e8
-"""Stamps are in whole nanoseconds."""
+"""Largest sampling rate [Hz], since stamps are whole nanoseconds."""
 _READ = 0.3
-"""Share of all work at which the table is read."""
+"""Share of the work for reading the table."""
 _LIKE_A_SAMPLE = 1000
-"""Bytes of a log that take as long as a sample of a recording does elsewhere."""
+"""Bytes of a log that take as long as one sample of a recording."""
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """Build the argument parser."""
     parser = Parser(
         "import",
         "Makes a recording from a log: CSV with any separator, decimal comma, with or without a header; Parquet;\n"
@@ -118,8 +118,8 @@ def _rate(text: str) -> float:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Read, choose, write, tell."""
-    _refuse_what_does_nothing(arguments)
+    """Read the log, map its columns, write the recording and report."""
+    _check_conflicts(arguments)
     mapping = _mapping(arguments)
     quantities = mapping.quantities
     separator = "\t" if arguments.separator == "tab" else arguments.separator
@@ -130,7 +130,7 @@ def run(arguments: argparse.Namespace) -> None:
     ask = _ask if sys.stdin.isatty() and sys.stdout.isatty() else None
     with stages(_size(arguments.log) // _LIKE_A_SAMPLE) as stage:
         stage("reading", _READ, 1)
-        # Opened first: a place that cannot be written is told before the work.
+        # Opened first, so that an unwritable place fails before the work.
         with BagWriter(arguments.out, {"imported_from": arguments.log.name}, overwrite=arguments.force) as out:
             table = read_log(
                 arguments.log,
@@ -160,7 +160,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _mapping(arguments: argparse.Namespace) -> LogMapping:
-    """What the mapping file says, and over it what the arguments say."""
+    """Combine the mapping file with the arguments, which take precedence."""
     mapping = LogMapping() if arguments.mapping is None else read_mapping(arguments.mapping)
     clock = mapping.clock
     if arguments.rate is not None:
@@ -200,12 +200,12 @@ def _mapping(arguments: argparse.Namespace) -> LogMapping:
 
 
 def _size(path: Path) -> int:
-    """Bytes of a file; 0 where there is none, which is told when it is read."""
+    """Return the size of a file [bytes]; 0 if it is missing, which is reported on reading."""
     return path.stat().st_size if path.is_file() else 0
 
 
 def _uncounted(_rows: int) -> None:
-    """No bar."""
+    """Do nothing, in place of a progress bar."""
 
 
 def _note(text: str) -> None:
@@ -213,8 +213,8 @@ def _note(text: str) -> None:
         print(f"note    {text}", flush=True)
 
 
-def _refuse_what_does_nothing(arguments: argparse.Namespace) -> None:
-    """Raises UsageError when options are told together of which one would be ignored."""
+def _check_conflicts(arguments: argparse.Namespace) -> None:
+    """Raise UsageError for options of which one would be ignored."""
     together = [
         ("rate", ["time", "time_unit"]),
         ("torque_scale", ["torque_unit"]),
@@ -224,7 +224,7 @@ def _refuse_what_does_nothing(arguments: argparse.Namespace) -> None:
     for option, others in together:
         for other in others:
             if getattr(arguments, option) and getattr(arguments, other):
-                raise UsageError(f"--{option} and --{other} cannot both be told: leave one out".replace("_", "-"))
+                raise UsageError(f"--{option} and --{other} cannot be combined: leave one out".replace("_", "-"))
     alone = [
         ("quantity_unit", "quantity"),
         ("second_angle_unit", "second_angle"),
@@ -237,7 +237,7 @@ def _refuse_what_does_nothing(arguments: argparse.Namespace) -> None:
 
 
 def _ask(kind: str, names: list[str]) -> str:
-    """Ask which column is meant; an empty answer is none."""
+    """Ask which column is meant; an empty answer means none."""
     with aside():
         return _answer(kind, names)
 
@@ -255,7 +255,7 @@ def _answer(kind: str, names: list[str]) -> str:
 
 
 def _raw(arguments: argparse.Namespace) -> RawChannels | None:
-    """What the arguments say of raw channels; None without a pickup."""
+    """Return the raw channels named by the arguments; None without a pickup."""
     if arguments.pickup is None:
         if arguments.drive_force is not None or arguments.machine is not None:
             raise UsageError("--machine and --drive-force go with --pickup")

@@ -1,4 +1,4 @@
-"""textile-twin machines: what can be simulated, with outputs and parameters."""
+"""textile-twin machines: the available machines with their outputs and parameters."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from textile_twin_core.machines import NAMES
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """Build the argument parser."""
     parser = Parser("machines", "The machines, their outputs and parameters.", "textile-twin machines tufting")
     parser.add_argument("machine", metavar="MACHINE", nargs="?", help="one machine alone, or a machine file")
     return parser

@@ -1,4 +1,4 @@
-"""The command textile-twin: finds the sub-command, runs it, and turns errors into one line and an exit code."""
+"""Command textile-twin: runs a sub-command, and turns errors into one line and an exit code."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ COMMANDS = {
     "synthesize": "linkages from what they must do, and machines balanced",
     "explore": "the design page in the browser: parameters in, moving machine and curves out",
 }
-"""Sub-commands and what they do; each is a module of this package, imported when it is asked for."""
+"""Sub-commands and their descriptions; each is a module of this package, imported on use."""
 
 _MODULES = {"import": "import_log"}
-"""Modules that cannot be called as their command is, a word of the language."""
+"""Modules of commands whose names are keywords of Python."""
 
 _ALSO = {"explore": ("files", "design")}
-"""Extras that a command needs beside that of the first package that is missing."""
+"""Further extras that a command needs beside that of the first missing package."""
 _TRACE = "TEXTILE_TWIN_TRACEBACK"
 
 
@@ -70,10 +70,14 @@ def _help() -> str:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command with its arguments; the exit code: 0, 2 for the user's mistake, 3 beyond a limit, 1 for ours."""
+    """Run the command with its arguments.
+
+    Returns:
+        Exit code: 0, 2 for a mistake of the user, 3 beyond a limit, 1 for an internal error.
+    """
     given = list(sys.argv[1:] if argv is None else argv)
     if argv is None:
-        # So that half-written files are taken away when we are told to stop.
+        # Partial files are then removed when the process is terminated.
         signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     try:
         return _run(given)
@@ -89,13 +93,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return _say("interrupted", 130)
     except BrokenPipeError:
-        # Who reads us has enough, as `head` does; Python would complain once more when it closes stdout.
+        # The reader has closed the pipe, as `head` does; Python would report this again when closing stdout.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except MemoryError:
         return _say("this does not fit into memory; ask for fewer samples, or for a part of the recording", 2)
     except OSError as error:
-        # No permission, no room, a vanished disk: the user's to mend.
+        # Missing permission, a full or a removed disk are for the user to fix.
         where = f"{error.filename}: " if error.filename else ""
         return _say(f"{where}{(error.strerror or str(error)).lower()}", 2)
     except Exception as error:

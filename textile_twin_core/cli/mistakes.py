@@ -1,4 +1,4 @@
-"""Mistakes on the command line, the nearest words that would be right, and what a person is to be told."""
+"""Mistakes on the command line, suggestions of valid words, and notices to the user."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ _COLLECTED: ContextVar[list[str] | None] = ContextVar("collected", default=None)
 
 
 class UsageError(TwinError):
-    """The command line itself is wrong."""
+    """Error in the command line itself."""
 
 
 class BeyondLimitError(TwinError):
-    """The work is done, and a result lies beyond a limit that was given: exit code 3, for scripts."""
+    """Result beyond a given limit after successful work: exit code 3, for scripts."""
 
 
 def tell(*notices: str) -> None:
-    """Each notice as one line on stderr, beside what the command gives; within `collected` into its list."""
+    """Print each notice as one line on stderr, beside the output of the command."""
     lines = [" ".join(notice.split()) for notice in notices]
     collected = _COLLECTED.get()
     if collected is not None:
@@ -50,7 +50,7 @@ def is_collecting() -> bool:
 
 
 def nearest(given: str, known: Iterable[str]) -> str:
-    """Half a sentence that names the nearest of the known words, or all of them."""
+    """Suggest the nearest of the known words, or list all of them."""
     words = list(known)
     near = get_close_matches(given, words, n=3, cutoff=0.5)
     if near:

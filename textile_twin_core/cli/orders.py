@@ -39,7 +39,7 @@ _RPM = 30.0 / math.pi
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """Build the argument parser."""
     parser = Parser(
         "orders",
         "Order analysis of a recording: each signal is resampled at equal steps of the estimated shaft angle, and its\n"
@@ -53,7 +53,7 @@ def parser() -> Parser:
     parser.add_argument(
         "--signal", metavar="NAME", action="append", default=[],
         help="speed, torque, residual, or a topic (Float64, torque.z of WrenchStamped, effort or else position of"
-        " JointState); may be repeated (default: what there is of the first three)",
+        " JointState); may be repeated (default: those available of the first three)",
     )  # fmt: skip
     parser.add_argument(
         "--max-order", type=positive, default=MAX_ORDER, metavar="X", help="highest order shown (default %(default)g)"
@@ -70,7 +70,7 @@ def parser() -> Parser:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Analyse, print the table, write what was asked for."""
+    """Analyse, print the table and write the outputs."""
     machine = None
     if arguments.machine is not None:
         machine = with_sensors(load_linkage(arguments.machine, arguments.set), arguments)
@@ -94,7 +94,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _maps(arguments: argparse.Namespace, machine: Machine | None) -> dict[str, OrderMap]:
-    """The order map of each signal, by its name with its unit."""
+    """Compute the order map of each signal, by its name with unit."""
     bag = open_bag(arguments.bag)
     tell(*bag.notices)
     topics = topics_of(arguments)
@@ -128,7 +128,7 @@ def _signal(
     angles: AngleSamples,
     track: ShaftTrack,
 ) -> tuple[str, FloatArray, FloatArray, FloatArray]:
-    """Name with unit, times, shaft angles and values of a signal."""
+    """Return name with unit, times, shaft angles and values of a signal."""
     origin = int(angles.stamps[0])
     if signal == "speed":
         return "speed [rad/s]", track.time_s, track.theta_rad, track.omega_rad_s
@@ -152,7 +152,7 @@ def _signal(
 
 
 def _topic(bag: Bag, topic: str, joint: str) -> tuple[IntArray, FloatArray]:
-    """Stamps and values of a topic of numbers."""
+    """Return stamps and values of a topic of numbers."""
     info = bag.find_topic(topic)
     if info.msgtype == JOINT_STATE:
         stamps, positions = bag.read_joint_states(topic)
@@ -169,7 +169,7 @@ def _topic(bag: Bag, topic: str, joint: str) -> tuple[IntArray, FloatArray]:
 def _at(
     stamps: IntArray, values: FloatArray, track: ShaftTrack, origin: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Times, shaft angles and values in order of time, those without a shaft angle left out."""
+    """Return times, shaft angles and values in order of time, without those that have no shaft angle."""
     order = np.argsort(stamps, kind="stable")
     time = np.asarray((stamps[order] - origin) * 1e-9, dtype=np.float64)
     theta, _, _, good = track.at(time)

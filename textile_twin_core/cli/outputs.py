@@ -1,4 +1,4 @@
-"""What commands that learn from a recording write: the numbers as JSON, the machine as a file, rows for a person."""
+"""Outputs of commands that estimate from a recording: numbers as JSON, machine as a file, rows on the terminal."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from textile_twin_core.machine import Machine
 
 
 def add_outputs(parser: argparse.ArgumentParser, machine_required: bool) -> None:
-    """--out, --json and --force."""
+    """Add --out, --json and --force."""
     parser.add_argument(
         "--out", type=Path, required=machine_required, metavar="FILE", help="write the machine with it (.yaml)"
     )
@@ -24,9 +24,10 @@ def add_outputs(parser: argparse.ArgumentParser, machine_required: bool) -> None
 
 
 def check_out(arguments: argparse.Namespace) -> None:
-    """Refuse a machine file that cannot be written, and numbers in place of another file, before any work.
+    """Check before any work that the outputs can be written and replace no other file.
 
-    Raises UsageError.
+    Raises:
+        UsageError: An output exists or has a wrong ending.
     """
     check_output("--json", arguments.json, ".json")
     check_output("--out", arguments.out, ".yaml", ".yml")
@@ -37,19 +38,23 @@ def check_out(arguments: argparse.Namespace) -> None:
 
 
 def write_json(arguments: argparse.Namespace, machine: Machine, numbers: Mapping[str, Any]) -> None:
-    """One object with what it is of, where --json asks for it."""
+    """Write the numbers with the names of recording and machine, if --json is given."""
     if arguments.json is not None:
         save_json(arguments.json, {"bag": str(arguments.bag), "machine": machine.name, **numbers})
 
 
 def save_json(path: Path, value: object) -> None:
-    """Write a value that holds no NaN. Raises OutputError when the file cannot be written there."""
+    """Write a value without NaN.
+
+    Raises:
+        OutputError: The file cannot be written there.
+    """
     with staged(path) as partial:
         partial.write_text(json.dumps(value, indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def print_rows(rows: Iterable[tuple[str, str]]) -> None:
-    """Names and values in two columns."""
+    """Print names and values in two columns."""
     rows = list(rows)
     width = max(len(name) for name, _ in rows)
     for name, value in rows:

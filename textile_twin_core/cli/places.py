@@ -1,4 +1,4 @@
-"""Where outputs go: endings that say what a file holds, places that can be written, none over what is read."""
+"""Checks of output paths: valid ending, writable place, and no overlap with the input."""
 
 from __future__ import annotations
 
@@ -9,9 +9,11 @@ from textile_twin_core.files import check_file
 
 
 def check_output(option: str, path: Path | None, *endings: str) -> None:
-    """Refuse an output, where one is asked for, before the work: one of another ending or that cannot be written.
+    """Check an output, if requested, before the work.
 
-    Raises UsageError unless it ends in one of `endings`, OutputError where no file can be written.
+    Raises:
+        UsageError: The path does not end in one of `endings`.
+        OutputError: The file cannot be written.
     """
     if path is None:
         return
@@ -21,7 +23,7 @@ def check_output(option: str, path: Path | None, *endings: str) -> None:
 
 
 def keep_input(path: Path | None, read: Path | None) -> None:
-    """Raises UsageError where --out is the very file or recording that is read, by whatever name or link."""
+    """Raise UsageError if --out is the input file or recording, under any name or link."""
     if path is None or read is None or not path.exists() or not read.exists():
         return
     if path.samefile(read):

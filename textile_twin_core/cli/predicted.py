@@ -1,4 +1,4 @@
-"""Predictions of the angles that a command's arguments name."""
+"""Predictions at the recorded angles named by the arguments of a command."""
 
 from __future__ import annotations
 
@@ -16,7 +16,9 @@ from textile_twin_core.twin.predictor import StampedEvent
 
 
 def station_angles(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[np.ndarray, np.ndarray] | None:
-    """Stamps (n,) [ns] and angles (n, stations) [rad] of an elastic shaft's stations; None on a rigid shaft."""
+    """Return stamps (n,) [ns] and angles (n, stations) [rad] of the stations of an elastic shaft; None for a
+    rigid shaft.
+    """
     stations = [name for name, _ in station_joints(machine)]
     if not stations:
         return None
@@ -25,20 +27,20 @@ def station_angles(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[
 
 
 def station_joints(machine: AnyMachine) -> list[tuple[str, str]]:
-    """Angle and speed of each station of an elastic shaft."""
+    """Return the outputs for angle and speed of each station of an elastic shaft."""
     shaft = machine.shaft if isinstance(machine, Machine) else None
     return [] if shaft is None else [machine.joint_outputs[f"station_{name}"] for name in shaft.names]
 
 
 def columns_of(blocks: list[Samples], names: list[str]) -> np.ndarray:
-    """(n, names) outputs of blocks one after the other."""
+    """Concatenate the outputs of blocks as (n, names)."""
     return np.concatenate([np.stack([block[name] for name in names], axis=1) for block in blocks])
 
 
 def predicted_blocks(
     arguments: argparse.Namespace, machine: AnyMachine, outputs: list[str], shaft: str
 ) -> tuple[np.ndarray, list[Samples], list[StampedEvent]]:
-    """Stamps [ns] and predictions of the recorded angles, and what happened meanwhile at stops and pads."""
+    """Return stamps [ns] and predictions at the recorded angles, and the events at stops and pads."""
     _, angles = read_angles(arguments, machine)
     tell_unit(angles)
     session = compile_machine(machine, outputs).session(shaft, **shaft_settings(arguments))

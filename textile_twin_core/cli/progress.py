@@ -1,4 +1,4 @@
-"""A progress bar on long work, for people only: nothing where standard error is no terminal."""
+"""Progress bar for long work, shown only on a terminal."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from tqdm import tqdm
 from textile_twin_core.cli.mistakes import is_collecting
 
 _LONG = 5_000
-"""Samples that take about two seconds on a slow computer."""
+"""Number of samples that takes about two seconds on a slow computer."""
 _PARTS = 1000
 Stage = Callable[[str, float, int], "Callable[[int], object] | None"]
-"""Begins a stage: its name, the share of all work at which it ends, its units; what counts units as they are done."""
+"""Function that starts a stage (name, share of all work at its end, units) and returns a counter of finished units."""
 
 
 def on_terminal() -> bool:
-    """Whether there is somebody to show a bar to."""
+    """Return true if standard error is a terminal."""
     return sys.stderr.isatty() and not is_collecting()
 
 
@@ -27,7 +27,7 @@ def on_terminal() -> bool:
 def progress(
     total: int, what: str, unit: str = " samples", long: int = _LONG
 ) -> Iterator[Callable[[int], object] | None]:
-    """A function to call with the number of units just done; None when no bar is shown, as below `long` units."""
+    """Yield a function to call with the number of finished units; None without a bar, as below `long` units."""
     if total < long or not on_terminal():
         yield None
         return
@@ -37,7 +37,7 @@ def progress(
 
 @contextmanager
 def shares(what: str) -> Iterator[Callable[[float], None]]:
-    """A function to call with the share of the work that is done, for work of which nobody knows how long it takes."""
+    """Yield a function to call with the finished share of the work, for work of unknown duration."""
     with progress(_PARTS, what, "", long=0) as bar:
         done = 0
 
@@ -52,11 +52,13 @@ def shares(what: str) -> Iterator[Callable[[float], None]]:
 
 @contextmanager
 def stages(total: int) -> Iterator[Stage]:
-    """One bar over stages of different kinds: a function to call as each begins; no bar below `_LONG` samples."""
+    """Show one bar over several stages; yield a function that starts each stage. There is no bar below `_LONG`
+    samples.
+    """
     if total < _LONG or not on_terminal():
         yield lambda *_: None
         return
-    # Not before its first stage has a name, and from then on with every part that is done.
+    # Show the bar from the first stage on, and update it with every finished unit.
     form = "{desc}: {percentage:3.0f}%|{bar}| [{elapsed}<{remaining}]"
     with tqdm(total=_PARTS, leave=False, bar_format=form, delay=1e-9, mininterval=0.0, miniters=1) as bar:
         yield _Stages(bar).begin
@@ -64,7 +66,7 @@ def stages(total: int) -> Iterator[Stage]:
 
 @contextmanager
 def aside() -> Iterator[None]:
-    """Bars give way to words, or to a question, on the same terminal, and come back after them."""
+    """Hide the bars while text or a question is written to the same terminal."""
     if not on_terminal():
         yield
         return
@@ -73,14 +75,14 @@ def aside() -> Iterator[None]:
 
 
 class _Stages:
-    """The stage at hand, from one place of a bar to another."""
+    """Present stage, from one position of a bar to another."""
 
     def __init__(self, bar: tqdm[Never]) -> None:
         self._bar, self._from, self._to = bar, 0.0, 0.0
         self._total, self._done = 1, 0
 
     def begin(self, what: str, until: float, total: int) -> Callable[[int], object]:
-        """Begin a stage; the one before is over."""
+        """Start a stage and end the previous one."""
         self._move_to(self._to)
         self._from, self._to, self._total, self._done = self._to, until, total, 0
         self._bar.set_description_str(what)

@@ -1,4 +1,4 @@
-"""textile-twin published: the papers' numbers beside ours, and their figures drawn anew."""
+"""textile-twin published: the papers' numbers beside ours, and their figures redrawn."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from textile_twin_core.files import check_folder, staged
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """Build the argument parser."""
     parser = Parser(
         "published",
         "The numbers that the four papers print, beside what their machines give here: deviation, and the reason"
@@ -29,7 +29,7 @@ def parser() -> Parser:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Print the rows, write and draw what was asked for."""
+    """Print the rows, and write and draw the outputs."""
     check_output("--json", arguments.json, ".json")
     if arguments.plots is not None:
         _make_folder(arguments.plots)
@@ -43,7 +43,11 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _make_folder(folder: Path) -> None:
-    """Make the folder for the figures, or say why it cannot be written. Raises OutputError."""
+    """Create the folder for the figures.
+
+    Raises:
+        OutputError: The folder cannot be written.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -53,7 +57,7 @@ def _make_folder(folder: Path) -> None:
 
 
 def _draw(folder: Path) -> list[str]:
-    """Draw every figure; their names."""
+    """Draw every figure, and return their names."""
     from textile_twin_core.views.figures import FIGURES
 
     with progress(len(FIGURES), "drawing", unit=" figures", long=1) as done:

@@ -1,4 +1,4 @@
-"""The four papers' numbers beside ours: gathered, and written as text, Markdown or data."""
+"""Table of the four papers' numbers beside ours, as text, Markdown or data."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _LAST_DIGITS = "the deviation is the largest, in units of the last printed digit
 
 
 class Paper(NamedTuple):
-    """A paper by its short name, its machine and its title."""
+    """Paper with its short name, machine and title."""
 
     name: str
     machine: str
@@ -31,7 +31,7 @@ class Paper(NamedTuple):
 
 @cache
 def papers() -> tuple[tuple[Paper, tuple[PublishedRow, ...]], ...]:
-    """The four papers with their rows."""
+    """Return the four papers with their rows."""
     return (
         (
             Paper(
@@ -71,17 +71,17 @@ def papers() -> tuple[tuple[Paper, tuple[PublishedRow, ...]], ...]:
 
 
 def published_rows() -> tuple[PublishedRow, ...]:
-    """Every row of the four papers."""
+    """Return every row of the four papers."""
     return tuple(row for _, rows in papers() for row in rows)
 
 
 def as_text() -> str:
-    """All rows for a terminal of 100 columns."""
+    """Format all rows for a terminal of 100 columns."""
     return "\n\n".join(["\n".join(_paper_lines(paper, rows)) for paper, rows in papers()] + [_count(published_rows())])
 
 
 def as_markdown() -> str:
-    """All rows for docs/papers.md: the counts, where print and machine differ, and every row folded away by paper."""
+    """Format all rows for docs/papers.md: counts, differences from print, and every row, folded by paper."""
     lines = ["| paper | machine | rows | agree with print | differ, reason given | words or nothing in print |"]
     lines.append("|---|---|--:|--:|--:|--:|")
     for paper, rows in papers():
@@ -108,7 +108,7 @@ def as_markdown() -> str:
 
 
 def as_json() -> dict[str, Any]:
-    """All rows as data."""
+    """Return all rows as data."""
     return {
         "rows": [
             {
@@ -128,14 +128,14 @@ def as_json() -> dict[str, Any]:
 
 
 def printed_text(row: PublishedRow) -> str:
-    """The printed value as printed; a dash where the paper gives none."""
+    """Format the printed value as printed; a dash if the paper has none."""
     if row.printed is None:
         return "-"
     return row.printed if isinstance(row.printed, str) else _plain(f"{row.printed:.10g}")
 
 
 def computed_text(row: PublishedRow) -> str:
-    """The computed value, with a digit or two more than the printed one."""
+    """Format the computed value, with one or two digits more than the printed one."""
     if isinstance(row.computed, str):
         return row.computed
     if isinstance(row.computed, tuple):
@@ -145,7 +145,9 @@ def computed_text(row: PublishedRow) -> str:
 
 
 def deviation_text(row: PublishedRow) -> str:
-    """The deviation in the row's unit; for several numbers the largest, in units of the last printed digit."""
+    """Format the deviation in the unit of the row; for several numbers the largest, in units of the last printed
+    digit.
+    """
     if isinstance(row.computed, tuple) and row.last_places is not None:
         return f"{row.last_places:.1f}"
     if row.deviation is None:
@@ -177,7 +179,7 @@ def _sections(rows: Iterable[PublishedRow]) -> Iterable[tuple[str, list[Publishe
 
 
 def _short(section: str) -> str:
-    """The title of a section without what follows its first comma, semicolon or bracket."""
+    """Shorten the title of a section to the part before its first comma, semicolon or bracket."""
     return re.split(r"[,;]| \(| as ", section)[0].lower()
 
 
@@ -207,7 +209,7 @@ def _markdown(*cells: str) -> str:
 
 
 def _counts(rows: Iterable[PublishedRow]) -> tuple[int, int, int]:
-    """Rows that agree with print, that differ, and where print has no plain number."""
+    """Count the rows that agree with print, that differ, and without a plain printed number."""
     found = [row.agrees for row in rows]
     return found.count(True), found.count(False), found.count(None)
 

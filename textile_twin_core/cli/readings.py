@@ -1,4 +1,4 @@
-"""What was logged, from a recording that the arguments name."""
+"""Logged samples of the recording named by the arguments."""
 
 from __future__ import annotations
 
@@ -18,9 +18,11 @@ from textile_twin_core.recordings.samples import AngleSamples, TorqueSamples
 
 
 def read_angles(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Bag, AngleSamples]:
-    """The recording that the arguments of add_recording name, and its shaft angles.
+    """Open the recording named by the arguments of add_recording, and read its shaft angles.
 
-    Raises RecordingError, and SceneError for edges that this machine's encoder cannot count.
+    Raises:
+        RecordingError: The recording cannot be read.
+        SceneError: The encoder of this machine cannot count the recorded edges.
     """
     bag, angles = _opened(arguments, machine)
     tell(*clock_notes(angles))
@@ -36,12 +38,12 @@ def _opened(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Bag, An
 
 
 def tell_unit(angles: AngleSamples) -> None:
-    """Say where recorded angles look like another unit than radians, for commands that no torque tells."""
+    """Warn if recorded angles seem to have another unit than radians, for commands without a torque."""
     tell(*unit_notes(angles))
 
 
 def read_samples(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Bag, AngleSamples, TorqueSamples]:
-    """The same with the measured torque. Raises as read_angles does."""
+    """Read angles and measured torque; raises as `read_angles`."""
     bag, angles = _opened(arguments, machine)
     measured, notes = on_one_clock(angles, topics_of(arguments).read_torques(bag))
     tell(*notes)
@@ -61,7 +63,7 @@ def read_second(arguments: argparse.Namespace, machine: AnyMachine, bag: Bag) ->
 
 
 def readings_of(angles: AngleSamples, measured: TorqueSamples, second: SecondAngle | None = None) -> Readings:
-    """Samples as the comparison takes them."""
+    """Convert samples to the input of the comparison."""
     stamped = tuple(each.timing for each in (angles, measured) if each.timing is not None)
     return Readings(
         angles.stamps, angles.angles_rad, measured.stamps, measured.torque_Nm, angles.velocities, stamped, second

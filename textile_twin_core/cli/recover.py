@@ -1,4 +1,4 @@
-"""textile-twin recover: a complete recording from one that was cut off or is damaged."""
+"""textile-twin recover: complete recording from a truncated or damaged one."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from textile_twin_core.recordings.output_place import check_place
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """Build the argument parser."""
     parser = Parser(
         "recover",
-        "Copies what is whole of a recording that a kill or a power loss cut off, or that is damaged, into a complete"
-        " one, with index and metadata.yaml, and says what is lost.",
+        "Copies the intact part of a recording that was cut off by a kill or a power loss, or is damaged, into a"
+        " complete one, with index and metadata.yaml, and reports what is lost.",
         "textile-twin recover recorded --out recovered",
     )
     parser.add_argument("bag", metavar="BAG", type=Path, help="a rosbag2 folder, complete or not, or an .mcap file")
@@ -29,7 +29,7 @@ def parser() -> Parser:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Copy what is there."""
+    """Copy the readable messages."""
     keep_input(arguments.out, arguments.bag)
     check_place(arguments.out, arguments.force)
     bag = open_bag(arguments.bag, salvage=True)

@@ -1,4 +1,4 @@
-"""textile-twin replay: predictions for a recording, offline, as the live twin gives them."""
+"""textile-twin replay: offline predictions for a recording, equal to those of the live twin."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from textile_twin_core.recordings.replay import replay_bag
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """Build the argument parser."""
     parser = Parser(
         "replay",
         "Copies a recording and adds the twin's predictions, each with the stamp of its angle sample:\n"
@@ -39,7 +39,7 @@ def run(arguments: argparse.Namespace) -> None:
     """Replay the recording."""
     machine = with_sensors(load_machine(arguments.machine, arguments.set), arguments)
     if arguments.out is None and arguments.rrd is None:
-        raise UsageError("--out or --rrd is missing: where the predictions go")
+        raise UsageError("--out or --rrd is missing: give an output for the predictions")
     keep_input(arguments.out, arguments.bag)
     check_output("--rrd", arguments.rrd, ".rrd")
     if arguments.out is not None:

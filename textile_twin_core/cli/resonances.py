@@ -17,12 +17,12 @@ from textile_twin_core.machine import Machine
 
 _RPM = 30.0 / math.pi
 _SLOWEST, _FASTEST = 0.2, 2.0
-"""Default range of speeds over the machine's nominal speed."""
+"""Default range of speeds over the nominal speed of the machine."""
 _SHOWN_MODES, _SHOWN_SPEEDS = 6, 12
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """Build the argument parser."""
     parser = Parser(
         "resonances",
         "Natural frequencies of an elastic main shaft, undamped and damped, its mode shapes, and the critical speeds:\n"
@@ -41,7 +41,7 @@ def parser() -> Parser:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Compute, print, write what was asked for."""
+    """Compute, print and write the outputs."""
     check_output("--json", arguments.json, ".json")
     check_output("--png", arguments.png, ".png")
     machine = load_linkage(arguments.machine, arguments.set)
@@ -63,7 +63,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _speeds(text: str) -> tuple[float, float]:
-    """A range of speeds in rpm, as a type of an argument."""
+    """Parse a range of speeds in rpm."""
     try:
         low, high = (float(each) for each in text.split(":"))
     except ValueError:

@@ -1,4 +1,4 @@
-"""Options for the sensors of a recording where the machine file does not describe them."""
+"""Options for the sensors of a recording that the machine file does not describe."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ _UNITS = {"_rad": "RAD", "_s": "S"}
 
 
 def add_sensors(parser: argparse.ArgumentParser) -> None:
-    """The encoder's settings, its index pulse, and what one unit of the torque's topic is."""
-    group = parser.add_argument_group("sensors", "instead of what the machine file says of them")
+    """Add the settings of the encoder, its index pulse, and the units of angle and torque."""
+    group = parser.add_argument_group("sensors", "these override the machine file")
     for name, text in ENCODER_OPTIONS.items():
         end = next((end for end in _UNITS if name.endswith(end)), "")
         group.add_argument(
@@ -32,7 +32,7 @@ def add_sensors(parser: argparse.ArgumentParser) -> None:
             help=text,
         )
     group.add_argument(
-        "--index-topic", metavar="TOPIC", help="index pulses (std_msgs/Header), one a turn, that tell where zero is"
+        "--index-topic", metavar="TOPIC", help="index pulses (std_msgs/Header), one a turn, that mark the zero"
     )
     group.add_argument(
         "--angle-unit",
@@ -53,7 +53,7 @@ def add_sensors(parser: argparse.ArgumentParser) -> None:
 
 
 def _angle_unit(text: str) -> float:
-    """Radians of a unit, as a type of an argument."""
+    """Parse a unit of angle; return it in radians."""
     try:
         return radians_of(text)
     except ValueError:
@@ -62,7 +62,7 @@ def _angle_unit(text: str) -> float:
 
 
 def _torque_unit(text: str) -> float:
-    """N m of a unit, as a type of an argument."""
+    """Parse a unit of torque; return it in N m."""
     known = unit_factor(spelled(text), TORQUE_UNITS)
     if known is not None:
         return known
@@ -75,13 +75,13 @@ def _torque_unit(text: str) -> float:
 
 
 def with_sensors(machine: SomeMachine, arguments: argparse.Namespace) -> SomeMachine:
-    """The machine with the encoder that the arguments tell of. Raises MachineError."""
+    """Return the machine with the encoder of the arguments. Raises MachineError."""
     given = {name: getattr(arguments, name) for name in ENCODER_OPTIONS}
     return with_encoder(machine, {name: value for name, value in given.items() if value is not None})
 
 
 def topics_of(arguments: argparse.Namespace) -> MachineTopics:
-    """Where the recording of the arguments holds angle and torque, by add_recording_topics and add_sensors."""
+    """Return the topics and units of angle and torque, by add_recording_topics and add_sensors."""
     return MachineTopics(
         arguments.angle_topic,
         arguments.torque_topic,

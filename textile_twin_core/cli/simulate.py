@@ -1,4 +1,4 @@
-"""textile-twin simulate: a machine's outputs over a given motion of the shaft."""
+"""textile-twin simulate: outputs of a machine over a given motion of the shaft."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ _MOST_EVENTS = 40
 _BOUNCES = ("impact", "rest")
 _SUFFIXES = (".csv", ".parquet", ".mcap")
 _COMPUTED = 0.6
-"""Share of all work at which the outputs are there."""
+"""Share of the work for computing the outputs."""
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """Build the argument parser."""
     parser = Parser(
         "simulate",
         "Outputs of a machine over a motion of its shaft: one revolution at constant speed, or a table of motion.",
@@ -80,7 +80,7 @@ def parser() -> Parser:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Simulate and write the table or recording, or the picture, or both."""
+    """Simulate, and write the table or recording, the picture, or both."""
     if arguments.out is None and arguments.png is None:
         raise UsageError("nothing to write: give --out for a table or recording, or --png for a picture")
     check_output("--png", arguments.png, ".png")
@@ -90,7 +90,7 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.out is None:
         _draw(arguments, machine)
         return
-    # What was asked for is looked at before the first file is written.
+    # Check all requests before the first file is written.
     names, motion = _outputs(machine, arguments.outputs), _motion(arguments)
     if arguments.png is not None:
         _draw(arguments, machine)
@@ -111,7 +111,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _draw(arguments: argparse.Namespace, machine: AnyMachine) -> None:
-    """The picture of the machine."""
+    """Draw the picture of the machine."""
     from textile_twin_core.views import plot_machine
 
     with staged(arguments.png) as partial, progress(1, "drawing", " pictures", long=1):
@@ -122,7 +122,7 @@ def _draw(arguments: argparse.Namespace, machine: AnyMachine) -> None:
 def _evaluate(
     arguments: argparse.Namespace, machine: AnyMachine, names: list[str], motion: MotionTable
 ) -> tuple[dict[str, FloatArray], list[ContactEvent]]:
-    """The outputs over the motion, and the impacts and touches of a machine that has them."""
+    """Evaluate the outputs over the motion, and return them with impacts and touches, if the machine has them."""
     method, tolerance = arguments.method or machine.scene.method, arguments.tolerance or machine.scene.tolerance
     twin = compile_machine(machine, names, method=method, tolerance=tolerance)
     columns = (motion.theta_rad, motion.omega_rad_s, motion.alpha_rad_s2)
@@ -131,7 +131,7 @@ def _evaluate(
 
 
 def _tell_gaps(machine: AnyMachine, motion: MotionTable, values: dict[str, FloatArray]) -> None:
-    """Tell where outputs are NaN: beyond the part of the turn that is declared, or at a change point."""
+    """Report where outputs are NaN: beyond the declared part of the turn, or at a change point."""
     missing = np.flatnonzero(np.any([np.isnan(column) for column in values.values()], axis=0))
     if missing.size:
         tell(
@@ -142,7 +142,7 @@ def _tell_gaps(machine: AnyMachine, motion: MotionTable, values: dict[str, Float
 
 
 def _print_events(events: list[ContactEvent]) -> None:
-    """Instants that no sample shows; bounces that follow each other on one stop are one line."""
+    """Print the instants between samples; consecutive bounces on one stop share a line."""
     lines: list[str] = []
     for (_, name), group in groupby(events, key=lambda event: (event.kind in _BOUNCES, event.name)):
         several = list(group)
@@ -159,7 +159,7 @@ def _print_events(events: list[ContactEvent]) -> None:
 
 
 def _outputs(machine: AnyMachine, asked: str | None) -> list[str]:
-    """Names of the outputs, each known to the machine."""
+    """Return the names of the outputs, checked against the machine."""
     if asked is None:
         return list(machine.shown_outputs)
     names = list(dict.fromkeys(name.strip() for name in asked.split(",") if name.strip()))
@@ -172,7 +172,7 @@ def _outputs(machine: AnyMachine, asked: str | None) -> list[str]:
 
 
 def _motion(arguments: argparse.Namespace) -> MotionTable:
-    """The shaft's motion: a table, or one revolution at constant speed."""
+    """Return the motion of the shaft: a table, or one revolution at constant speed."""
     revolution = arguments.rpm is not None or arguments.samples is not None
     if arguments.input is not None:
         if revolution:

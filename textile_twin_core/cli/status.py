@@ -1,4 +1,4 @@
-"""textile-twin status: a running suite in the terminal."""
+"""textile-twin status: state of a running suite in the terminal."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from textile_twin_core.cli.arguments import Parser, positive
 from textile_twin_core.errors import TwinError
 
 GROUP = "textile_twin.status"
-"""Entry points of this group show a running suite; the ROS package has one, and nothing of ROS is known here."""
+"""Group of entry points that show a running suite; the ROS package provides one, so that the core needs no ROS."""
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """Build the argument parser."""
     parser = Parser(
         "status",
-        "What the nodes of a running suite say of themselves: rates, estimator, residual, recording, alarms.",
+        "State of the nodes of a running suite: rates, estimator, residual, recording, alarms.",
         "textile-twin status --follow",
     )
-    parser.add_argument("--follow", action="store_true", help="show it anew every second, until Ctrl-C")
+    parser.add_argument("--follow", action="store_true", help="update it every second, until Ctrl-C")
     parser.add_argument(
         "--seconds", type=positive, help="listen so long first (default: 2.5, and up to 6 until a node is heard)"
     )
@@ -27,10 +27,8 @@ def parser() -> Parser:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Show it."""
+    """Show the state."""
     shows = list(entry_points(group=GROUP))
     if not shows:
-        raise TwinError(
-            "the ROS package textile_twin_ros is not installed beside this command: docs/field.md tells how"
-        )
+        raise TwinError("the ROS package textile_twin_ros is not installed beside this command: see docs/field.md")
     shows[0].load()(arguments.seconds, arguments.follow)

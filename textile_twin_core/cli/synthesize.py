@@ -1,4 +1,4 @@
-"""textile-twin synthesize: machines from what they must do, and machines balanced."""
+"""textile-twin synthesize: machines from their task, and balanced machines."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ TASKS = {
     "curve": "curve",
     "balance": "balance",
 }
-"""What can be synthesised, each a module of cli.synthesis."""
+"""Tasks, each a module of cli.synthesis."""
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """Build the argument parser."""
     parser = Parser(
         "synthesize",
         "Linkages from what they must do, as machine files that every other command takes; and machines balanced.",
@@ -34,13 +34,17 @@ def parser() -> Parser:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Carry out the task. Raises UsageError before the work for a machine file that is there already."""
+    """Run the task.
+
+    Raises:
+        UsageError: The machine file to write exists already.
+    """
     check_out(arguments)
     import_module(f"textile_twin_core.cli.synthesis.{TASKS[arguments.mechanism]}").run(arguments)
 
 
 class _TaskParser(Parser):
-    """The parser of one task."""
+    """Parser of one task."""
 
     def __init__(self, *, prog: str, description: str, epilog: str, **_: Any) -> None:
         super().__init__(prog.removeprefix("textile-twin "), description, epilog)

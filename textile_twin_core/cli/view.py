@@ -1,4 +1,4 @@
-"""textile-twin view: a recording in the viewer, the machine moving beside its torque."""
+"""textile-twin view: recording in the viewer, with the moving machine beside its torque."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from textile_twin_core.files import staged
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """Build the argument parser."""
     parser = Parser(
         "view",
         "Shows a recording: the machine in motion, and its torque beside the measured one where there is one; a file\n"
@@ -40,7 +40,7 @@ def parser() -> Parser:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Open the viewer, or for a machine its picture, and wait until it is closed; or draw without a screen."""
+    """Open the viewer, or the picture of a machine, and wait until it is closed; or draw without a display."""
     check_output("--png", arguments.png, ".png")
     if is_machine(str(arguments.bag)):
         _show_machine(arguments)
@@ -51,7 +51,7 @@ def run(arguments: argparse.Namespace) -> None:
     if not arguments.bag.exists():
         raise UsageError(f"{arguments.bag}: no such file; give a recording, an .rrd file, or a machine")
     if arguments.machine is None:
-        raise UsageError("--machine is missing: a recording is shown beside what its machine should do")
+        raise UsageError("--machine is missing: a recording is shown beside the prediction for its machine")
 
     machine = with_sensors(load_machine(arguments.machine, arguments.set), arguments)
     with tempfile.TemporaryDirectory(prefix="textile-twin-") as folder:
@@ -61,14 +61,14 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _show_machine(arguments: argparse.Namespace) -> None:
-    """The machine's picture, in the viewer."""
+    """Show the picture of the machine in the viewer."""
     from textile_twin_core.views import plot_machine, write_picture
 
     machine = load_machine(str(arguments.bag), arguments.set)
     with tempfile.TemporaryDirectory(prefix="textile-twin-") as folder:
         picture, recording = Path(folder) / "machine.png", Path(folder) / f"{machine.name}.rrd"
         write_picture(recording, plot_machine(picture, machine, at_deg=arguments.at), title=machine.name)
-        arguments.at = None  # it is no time
+        arguments.at = None  # a shaft angle here, not a time
         _show(arguments, recording)
 
 

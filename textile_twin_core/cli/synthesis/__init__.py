@@ -1,1 +1,1 @@
-"""The tasks of textile-twin synthesize."""
+"""Tasks of textile-twin synthesize."""

@@ -20,7 +20,7 @@ EXAMPLE = "textile-twin synthesize balance tufting --by counterweight --out bala
 
 
 def add(parser: Parser) -> None:
-    """The task's arguments."""
+    """Add the arguments of the task."""
     add_machine(parser, option=False)
     parser.add_argument(
         "--by",
@@ -40,7 +40,7 @@ def add(parser: Parser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Balance, print before and after, write."""
+    """Balance, print the values before and after, and write the machine."""
     machine = load_linkage(arguments.machine, arguments.set)
     speed = machine.nominal_speed_rad_s if arguments.rpm is None else arguments.rpm * math.pi / 30.0
     balanced, lines, result = _WAYS[arguments.by](machine, speed, arguments)

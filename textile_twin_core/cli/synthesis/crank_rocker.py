@@ -25,7 +25,7 @@ _STEP_DEG = 5
 
 
 def add(parser: Parser) -> None:
-    """The task's arguments."""
+    """Add the arguments of the task."""
     parser.add_argument("--swing", type=number, metavar="DEG", help="swing of the rocker in degrees")
     parser.add_argument(
         "--hand",
@@ -48,7 +48,7 @@ def add(parser: Parser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Synthesize, print a table, write files."""
+    """Synthesize, print a table and write the files."""
     if (arguments.swing is None) == (arguments.hand is None):
         raise UsageError("give --swing in degrees, or --hand with three positions")
     if arguments.hand and len(arguments.hand) != 3:
@@ -107,7 +107,7 @@ def _table(result: CrankRockerSynthesis) -> list[str]:
 
 
 def _lengths(result: CrankRockerSynthesis, chosen: CrankRockerDesign, ground_m: float) -> list[str]:
-    """The chosen design in metres, with the word that chooses it."""
+    """Return the chosen design in metres, with its name."""
     word = next(word for word, attribute in CHOICES.items() if chosen is getattr(result, attribute))
     length = chosen.scaled(ground_m)
     return [

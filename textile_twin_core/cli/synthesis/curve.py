@@ -1,4 +1,4 @@
-"""textile-twin synthesize curve: the four-bar whose coupler curve comes nearest to many points."""
+"""textile-twin synthesize curve: four-bar whose coupler curve approximates many points."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ EXAMPLE = "textile-twin synthesize curve --file path.csv --least-transmission 40
 
 
 def add(parser: Parser) -> None:
-    """The task's arguments."""
+    """Add the arguments of the task."""
     parser.add_argument("--file", type=Path, metavar="CSV", help="points in metres, two columns x and y")
     parser.add_argument("--points", type=points, metavar="'X,Y X,Y ..'", help="or the points in one argument")
     parser.add_argument("--least-transmission", type=number, default=0.0, metavar="DEG", help="default %(default)s")
@@ -30,7 +30,7 @@ def add(parser: Parser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Search, print, write."""
+    """Search, print and write."""
     if (arguments.file is None) == (arguments.points is None):
         raise UsageError("give the curve by --file or by --points")
     curve = arguments.points if arguments.file is None else _read(arguments.file)
@@ -55,6 +55,6 @@ def _read(path: Path) -> list[tuple[float, float]]:
         try:
             found.append((float(row[0]), float(row[1])))
         except (ValueError, IndexError):
-            if number_of_row > 1:  # the first may be a heading
+            if number_of_row > 1:  # the first line may be a heading
                 raise UsageError(f"{path}, row {number_of_row}: two numbers x,y in metres are needed") from None
     return found

@@ -1,4 +1,4 @@
-"""textile-twin synthesize points: four-bars whose coupler point passes given points exactly."""
+"""textile-twin synthesize points: four-bars whose coupler point passes through given points exactly."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ EXAMPLE = "textile-twin synthesize points --points '0,0 0.1,0.02 0.15,0.1 0.1,0.
 
 
 def add(parser: Parser) -> None:
-    """The task's arguments."""
+    """Add the arguments of the task."""
     parser.add_argument(
         "--points", type=points, required=True, metavar="'X,Y X,Y ..'", help="the points in metres, in one argument"
     )
@@ -27,7 +27,7 @@ def add(parser: Parser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Synthesize, print a table, write."""
+    """Synthesize, print a table and write."""
     found = through_points(
         arguments.points, arguments.seed, arguments.count, math.radians(arguments.least_transmission)
     )

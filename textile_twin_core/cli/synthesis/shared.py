@@ -1,4 +1,4 @@
-"""Arguments and output that the tasks of `synthesize` share."""
+"""Arguments and outputs shared by the tasks of `synthesize`."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from textile_twin_core.synthesis import BarSection, rotation_of_time_ratio
 
 
 def add_output(parser: Parser) -> None:
-    """--out, --name, --json and --force."""
+    """Add --out, --name, --json and --force."""
     add_outputs(parser, machine_required=False)
     parser.add_argument("--name", help="the machine's name in it (default: that of the file)")
 
 
 def add_section(parser: Parser) -> None:
-    """--section."""
+    """Add --section."""
     parser.add_argument(
         "--section",
         type=_section,
@@ -34,7 +34,7 @@ def add_section(parser: Parser) -> None:
 
 
 def add_rotation(parser: Parser, default: str) -> None:
-    """--rotation or --time-ratio."""
+    """Add --rotation or --time-ratio."""
     parser.add_argument(
         "--rotation",
         type=number,
@@ -42,21 +42,21 @@ def add_rotation(parser: Parser, default: str) -> None:
         help=f"crank rotation from the outer to the inner dead centre (default: {default})",
     )
     parser.add_argument(
-        "--time-ratio", type=positive, metavar="Q", help="or how many times as long this way takes as the way back"
+        "--time-ratio", type=positive, metavar="Q", help="or duration of this stroke over that of the return stroke"
     )
 
 
 def rotation(arguments: argparse.Namespace, default_rad: float) -> float:
-    """The crank rotation asked for [rad]."""
+    """Return the requested crank rotation [rad]."""
     if arguments.rotation is not None and arguments.time_ratio is not None:
-        raise UsageError("--rotation and --time-ratio say the same in two ways; give one of them")
+        raise UsageError("--rotation and --time-ratio specify the same quantity; give one of them")
     if arguments.time_ratio is not None:
         return rotation_of_time_ratio(arguments.time_ratio)
     return default_rad if arguments.rotation is None else math.radians(arguments.rotation)
 
 
 def points(text: str) -> list[tuple[float, float]]:
-    """Points in metres, as `X,Y X,Y ..`, as a type of an argument."""
+    """Parse points in metres, `X,Y X,Y ..`."""
     found = []
     for word in text.split():
         try:
@@ -79,7 +79,7 @@ def _section(text: str) -> BarSection:
 
 
 def write(arguments: argparse.Namespace, machine: Machine | None, result: dict[str, Any]) -> None:
-    """Write what --json and --out ask for."""
+    """Write the outputs of --json and --out."""
     if arguments.json:
         save_json(arguments.json, result)
     if arguments.out and machine is not None:

@@ -1,4 +1,4 @@
-"""textile-twin synthesize slider: an offset slider-crank from stroke and time ratio."""
+"""textile-twin synthesize slider: offset slider-crank from stroke and time ratio."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ EXAMPLE = "textile-twin synthesize slider --stroke 0.05 --time-ratio 1.1 --out s
 
 
 def add(parser: Parser) -> None:
-    """The task's arguments."""
+    """Add the arguments of the task."""
     parser.add_argument("--stroke", type=positive, required=True, metavar="M", help="stroke in metres")
     add_rotation(parser, "180, in line")
     parser.add_argument(
@@ -29,7 +29,7 @@ def add(parser: Parser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Synthesize, print, write."""
+    """Synthesize, print and write."""
     design = offset_slider(arguments.stroke, rotation(arguments, math.pi), arguments.crank_over_rod)
     print(
         f"slider-crank, stroke {design.stroke_m:g} m, rotation {math.degrees(design.rotation_rad):.6g} deg:"
