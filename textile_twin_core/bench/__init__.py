@@ -1,4 +1,4 @@
-"""Speed against error, on the computer at hand: our methods, the limit in C, and peers."""
+"""Benchmark of speed against error on this computer: our methods, the limit in C, and peers."""
 
 from textile_twin_core.bench.run import run_bench
 

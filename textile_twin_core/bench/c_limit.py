@@ -1,4 +1,4 @@
-"""The limit: the same closed form as C, compiled on the spot, once vectorised and once as a plain loop over libm."""
+"""Limit of the speed: the same closed form in C, compiled on the spot, vectorised and as a plain loop over libm."""
 
 from __future__ import annotations
 
@@ -47,11 +47,11 @@ _SINCOS = """static inline __attribute__((always_inline)) void both(double x, do
 }
 """
 _PACKED = re.compile(r"\bv?mulpd\b|\bvfn?m(add|sub)\d+pd\b|\bfml[as]\s+v\d+\.2d|\bfmul\s+v\d+\.2d|\bfml[as]\s+z\d+\.d")
-"""Products of several doubles at once in the assembly of x86-64 and of AArch64."""
+"""Vector multiplications of doubles in the assembly of x86-64 and of AArch64."""
 
 
 def c_source(outputs: Sequence[Expr], vectorised: bool) -> str:
-    """A C function `run(n, theta, omega, alpha, out0, out1, ..)` of the outputs."""
+    """Generate a C function `run(n, theta, omega, alpha, out0, out1, ..)` of the outputs."""
     inputs = ("theta", "omega", "alpha")
     lines, values = c_statements(substitute(outputs, {variable(x): variable(f"{x}[i]") for x in inputs}))
     stores = [f"        out{k}[i] = {value};" for k, value in enumerate(values)]
@@ -63,7 +63,7 @@ def c_source(outputs: Sequence[Expr], vectorised: bool) -> str:
 
 
 def c_candidates(scene: Workload) -> Iterator[Candidate]:
-    """The vectorised limit and the plain loop, where a C compiler is at hand."""
+    """Build the vectorised limit and the plain loop, if a C compiler is installed."""
     compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
     if compiler is None:
         return
@@ -80,7 +80,7 @@ def c_candidates(scene: Workload) -> Iterator[Candidate]:
 
 
 def _compile(compiler: str, source: str, flags: Sequence[str]) -> tuple[ctypes._NamedFuncPointer, bool] | None:
-    """The function `run`, and whether its assembly multiplies several doubles at once."""
+    """Compile the function `run`; return it, and whether its assembly has vector multiplications."""
     folder = Path(tempfile.mkdtemp(prefix="textile_twin_bench_"))
     try:
         (folder / "twin.c").write_text(source)

@@ -1,4 +1,4 @@
-"""How time and memory grow with the work: samples, machines of a mill, needle linkages on one shaft."""
+"""Growth of time and memory with the work: samples, machines of a mill, needle linkages on one shaft."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Growth:
 
 @one_core()
 def growth(machine: Machine, progress: Callable[[int, int], object] = lambda done, total: None) -> list[Growth]:
-    """Rows for growing samples, machines and linkages, the torque asked for."""
+    """Measure growing numbers of samples, machines and linkages, with the torque as output."""
     total = 2 * (len(SAMPLES) + len(MACHINES) + len(LINKAGES))
     rows = []
     for done, row in enumerate(_rows(machine), start=1):

@@ -1,4 +1,4 @@
-"""Three ways to the event times of the needle transfer: event-driven, solve_ivp with events, penalty contact."""
+"""Three methods for the event times of the needle transfer: event-driven, solve_ivp with events, penalty contact."""
 
 from __future__ import annotations
 
@@ -13,23 +13,24 @@ from textile_twin_core.machine import ContactMachine
 from textile_twin_core.machines.needle_transfer import COLLETS, PAD
 
 END_S = 0.0195
-"""A little after the first contact of elements 2 and 3."""
+"""End time, shortly after the first contact of elements 2 and 3 [s]."""
 Times = tuple[float, float]
-"""When element 2 reaches the pad and when elements 2 and 3 meet for the first time [s]; infinite where they do not."""
+"""Times of the first contact of element 2 with the pad and with element 3 [s]; infinite without contact."""
 Watch = Callable[[float, FloatArray], float]
 
 _APPROACH_LOSS = 10.0
-"""Hunt and Crossley's damping of a penalty contact [s/m]."""
+"""Damping of a penalty contact after Hunt and Crossley [s/m]."""
 
 
 def event_driven(machine: ContactMachine, tolerance: float) -> Times:
-    """The package's own integrator: closed forms and power series between events."""
+    """Integrate by the package's own method: closed forms and power series between events."""
     run = machine.simulate(end_s=END_S, tolerance=tolerance)
     return run.happened("touch", PAD)[0].time_s, run.happened("impact", COLLETS)[0].time_s
 
 
 class TransferEquations:
-    """Equations 13 and 14 of Pejchar and Beran (2011) as plain functions, for solvers of ordinary equations.
+    """Equations 13 and 14 of Pejchar and Beran (2011) as plain functions, for solvers of ordinary differential
+    equations.
 
     A state is (x_2, v_2, x_3, v_3).
     """
@@ -45,13 +46,13 @@ class TransferEquations:
         self._start = np.array([machine.start[0], 0.0, machine.start[1], 0.0])
 
     def _jacket(self, t: float) -> tuple[float, float, float]:
-        """Position, velocity and acceleration of element 1."""
+        """Return position, velocity and acceleration of element 1."""
         angle = self._speed * min(t, self._duration_s)
         law = self._law
         return law.evaluate(angle), law.evaluate(angle, 1) * self._speed, law.evaluate(angle, 2) * self._speed**2
 
     def _forces(self, x1: float, v1: float, y: FloatArray, on_pad: bool) -> tuple[float, float]:
-        """Force on elements 2 and 3 but for the stops."""
+        """Return the forces on elements 2 and 3 without those of the stops."""
         x2, v2, x3, v3 = y.tolist()
         first, second, pad = self._first, self._second, self._pad
         pull = second.stiffness_N_m * (x3 - x2 - second.free_length_m) + second.damping_Ns_m * (v3 - v2)
@@ -61,7 +62,7 @@ class TransferEquations:
         return on_2, -pull
 
     def with_events(self, method: str, tolerance: float) -> Times:
-        """scipy's solve_ivp, one call per contact state, each ended by its terminal events."""
+        """Integrate by scipy's solve_ivp, one call per contact state, each ended by its terminal events."""
         t, y = 0.0, self._start
         pin, cone, pad = True, True, False
         touched = math.inf
@@ -97,7 +98,9 @@ class TransferEquations:
         return right_side
 
     def _watch(self, pin: bool, cone: bool, pad: bool) -> dict[str, Watch]:
-        """What ends a contact state when it turns negative: a stop that would pull, a gap that would close."""
+        """Return the functions that end a contact state when they turn negative: a tensile stop force or a
+        closing gap.
+        """
 
         def surplus(element: int, mass: float) -> Watch:
             def force(t: float, y: FloatArray) -> float:
@@ -118,7 +121,9 @@ class TransferEquations:
         return found
 
     def with_penalty(self, stiffness_N_m: float) -> Times:
-        """Stops as stiff springs, damped after Hunt and Crossley (1975); one call of solve_ivp (LSODA)."""
+        """Integrate with stops as stiff springs, damped after Hunt and Crossley (1975), in one call of solve_ivp
+        (LSODA).
+        """
 
         def stop(depth: float, rate: float) -> float:
             return max(stiffness_N_m * depth * (1.0 + _APPROACH_LOSS * rate), 0.0) if depth > 0.0 else 0.0
@@ -145,5 +150,5 @@ class TransferEquations:
 
 
 def _mark(function: Watch, terminal: bool) -> None:
-    """What solve_ivp reads off an event's function: it counts when it falls through zero."""
+    """Set the attributes of an event function for solve_ivp: it triggers on falling through zero."""
     vars(function).update(direction=-1.0, terminal=terminal)

@@ -1,4 +1,4 @@
-"""Needle transfer: error of the event times against time for a run, by three ways to treat its impacts."""
+"""Table of the needle transfer: error of the event times against run time, for three methods of impact treatment."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from textile_twin_core.bench.timing import Candidate, one_core, take_turns
 from textile_twin_core.machines.needle_transfer import needle_transfer
 
 REFERENCE: Times = (0.015713108187298414, 0.019243773487700185)
-"""Event times [s] of the original design, calculated with 30 digits by Taylor series of order 24."""
+"""Event times [s] of the original design, computed with 30 digits by Taylor series of order 24."""
 EVENT_DRIVEN = "event-driven"
 WITH_EVENTS = "solve_ivp {} with events"
 PENALTY = "penalty contact, LSODA"
@@ -21,10 +21,11 @@ TOLERANCES = {"RK45": (1e-4, 1e-7, 1e-10), "DOP853": (1e-4, 1e-7, 1e-10, 1e-13),
 
 @dataclass(frozen=True)
 class ImpactRow:
-    """One method at one setting on the forward stroke of the original design, from rest to the collets' contact.
+    """One method at one setting on the forward stroke of the original design, up to the contact of the collets.
 
-    error_s: the larger error of the times at which the pad and the contact of elements 2 and 3 are reached;
-    ms_per_run: median of `ms_per_round`.
+    Attributes:
+        error_s: Larger error of the times of the pad contact and of the contact of elements 2 and 3 [s].
+        ms_per_run: Median of `ms_per_round` [ms].
     """
 
     method: str
@@ -36,7 +37,7 @@ class ImpactRow:
 
 @one_core()
 def impact_table(rounds: int = 5, progress: Callable[[int, int], object] = lambda done, total: None) -> list[ImpactRow]:
-    """Rows for all methods and settings; `progress` hears of rounds done and their number."""
+    """Measure all methods and settings; `progress` is called with the numbers of finished and total rounds."""
     found: dict[tuple[str, str], Times] = {}
 
     def keep(method: str, setting: str, work: Callable[[], Times]) -> None:

@@ -1,4 +1,4 @@
-"""Our methods as candidates: closed forms and tables at several tolerances."""
+"""Our methods as candidates: closed forms, and tables at several tolerances."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-13)
 
 
 def own_candidates(scene: Workload) -> Iterator[Candidate]:
-    """Exact, and tables where they reach their tolerance."""
+    """Build the exact method, and tables where they reach their tolerance."""
     yield _candidate(scene, compile_rigid(scene.machine, scene.outputs, "exact"), "exact")
     for tolerance in TOLERANCES:
         try:

@@ -1,4 +1,4 @@
-"""Ratios of times, taken round by round: they hold on any computer, also while its clock speed changes."""
+"""Ratios of times within each round, which hold on any computer, even while its clock speed changes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from textile_twin_core.bench.yardsticks import YARDSTICK
 COMPILED = ("casadi", "jax", "numba")
 """Peers that compile the same closed form."""
 RIGID_BODIES = ("pinocchio", "mujoco", "drake", "exudyn")
-"""Peers that are engines for any system of rigid bodies."""
+"""Peers that are engines for general systems of rigid bodies."""
 _EXACT, _TABLE = "exact", "table 1e-13"
 _C = "C, vectorised"
 _TORQUE, _POSITION, _EVERYTHING = "torque", "position", "everything"
@@ -32,13 +32,13 @@ class Ratio:
 
 
 def quartiles(values: Sequence[float]) -> tuple[float, float, float]:
-    """First quartile, median, third quartile."""
+    """Return first quartile, median, third quartile."""
     first, median, third = np.percentile(values, (25.0, 50.0, 75.0))
     return float(first), float(median), float(third)
 
 
 def ratios(rows: Sequence[Row]) -> list[Ratio]:
-    """Of batches, torque: ours over what is compiled and yardsticks, engines over ours; then of other outputs."""
+    """Compare batches of the torque: ours over compiled code and yardsticks, engines over ours; then other outputs."""
     return [
         ratio(row_name(above), row_name(below), above.ns_per_round, below.ns_per_round)
         for above, below in _pairs(rows)
@@ -47,7 +47,7 @@ def ratios(rows: Sequence[Row]) -> list[Ratio]:
 
 
 def impact_ratios(rows: Sequence[ImpactRow]) -> list[Ratio]:
-    """Of runs through impacts: every method at its last, tightest setting over ours at its own."""
+    """Compare runs with impacts: every method at its tightest setting over ours at its tightest."""
     last = {row.method: row for row in rows}
     ours = last.pop(EVENT_DRIVEN)
     return [
@@ -57,13 +57,13 @@ def impact_ratios(rows: Sequence[ImpactRow]) -> list[Ratio]:
 
 
 def ratio(above: str, below: str, times_above: Sequence[float], times_below: Sequence[float]) -> Ratio:
-    """The ratio of two candidates that were timed in the same rounds."""
+    """Return the ratio of two candidates timed in the same rounds."""
     first, median, third = quartiles([a / b for a, b in zip(times_above, times_below, strict=True)])
     return Ratio(above, below, median, first, third)
 
 
 def row_name(row: Row) -> str:
-    """The row's name, with its outputs unless they are the torque."""
+    """Return the name of the row, with its outputs unless they are the torque."""
     return row.name if row.outputs == _TORQUE else f"{row.name}, {row.outputs}"
 
 

@@ -1,4 +1,4 @@
-"""The bench: every candidate of every scene, timed in turns, as rows of speed and error."""
+"""Benchmark run: every candidate of every scene, timed in turns, as rows of speed and error."""
 
 from __future__ import annotations
 
@@ -16,11 +16,12 @@ from textile_twin_core.machine import Machine
 
 @dataclass(frozen=True)
 class Row:
-    """One candidate on one scene.
+    """One candidate on one scene. All rows of a run are timed in the same rounds.
 
-    error_over_peak: largest error over the peak of its output, against extended precision; ns_per_sample: of a
-    batch of `batch` samples; us_per_call: of one sample at a time; None where a candidate does not offer it. Both
-    times are medians of `ns_per_round` and `us_per_round`; the rounds of all rows of a run are the same.
+    Attributes:
+        error_over_peak: Largest error over the peak of its output, against extended precision.
+        ns_per_sample: Time of a batch of `batch` samples, median of `ns_per_round` [ns]; None if not supported.
+        us_per_call: Time of one sample at a time, median of `us_per_round` [us]; None if not supported.
     """
 
     method: str
@@ -37,7 +38,7 @@ class Row:
 
     @property
     def name(self) -> str:
-        """Method, and whose it is."""
+        """Method, and its library."""
         return self.method if self.peer is None else f"{self.peer}, {self.method}"
 
 
@@ -51,9 +52,9 @@ def run_bench(
     progress: Callable[[int, int], object] = lambda done, total: None,
     say: Callable[[str], object] = lambda line: None,
 ) -> list[Row]:
-    """Rows for all scenes of a machine.
+    """Measure all scenes of a machine.
 
-    `progress` hears of steps done and their number, `say` a line for each peer that is left out.
+    `progress` is called with the numbers of finished and total steps, `say` with a line per skipped peer.
     """
     chosen = [s for s in scenes(machine, samples) if scene_names is None or s.name in scene_names]
     total, done = len(chosen) + rounds, 0
@@ -81,7 +82,7 @@ def run_bench(
 
 
 def _peers(scene: Workload, say: Callable[[str], object]) -> list[Candidate]:
-    try:  # it is in the repository, not in the wheel that users install
+    try:  # part of the repository, but not of the installed wheel
         from textile_twin_core.bench.peers import peer_candidates
     except ModuleNotFoundError as error:
         if error.name != "textile_twin_core.bench.peers":

@@ -1,4 +1,4 @@
-"""What is measured: a machine, a set of outputs, and a motion with its exact answer."""
+"""Scenes of the benchmark: a machine, a set of outputs, and a motion with its exact answer."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Workload:
 
     @cached_property
     def exact(self) -> dict[str, FloatArray]:
-        """The outputs in extended precision at the first samples (see `checked`)."""
+        """Outputs in extended precision at the first samples (see `checked`)."""
         names = ("theta", "omega", "alpha")
         inputs = {n: a[: self.checked].astype(np.longdouble) for n, a in zip(names, self.motion, strict=True)}
         expressions = [self.machine.model.output(name) for name in self.outputs]
@@ -46,11 +46,11 @@ class Workload:
 
     @property
     def checked(self) -> int:
-        """How many of the samples are held against the exact answer."""
+        """Number of samples compared with the exact answer."""
         return min(self.samples, _CHECKED)
 
     def error(self, found: dict[str, FloatArray]) -> float:
-        """Largest error over the peak of its output, among the outputs found; NaN where one of them is."""
+        """Return the largest error over the peak of its output; NaN if any output is NaN."""
         worst = [0.0]
         for name, values in found.items():
             n = min(values.shape[0], self.checked)
@@ -61,7 +61,7 @@ class Workload:
 
 
 def scenes(machine: Machine, samples: int = 100_000) -> tuple[Workload, ...]:
-    """Torque alone, with the machine's measures where it has some, and everything with the reactions."""
+    """Build the scenes: torque alone, torque with the measures if any, and everything with the reactions."""
     torque = "balancing_torque_Nm"
     measures = tuple(f"{m.name}_position_m" for m in machine.measures)
     reactions = tuple(name for name in machine.outputs if name.startswith("reaction_"))

@@ -1,4 +1,4 @@
-"""An encoder's signal whose truth is known in closed form: what shaft estimators are measured on."""
+"""Signal of an encoder with a truth in closed form, for measuring shaft estimators."""
 
 from __future__ import annotations
 
@@ -21,20 +21,21 @@ _TURN = 2.0 * math.pi
 _NODES, _NEGLIGIBLE = 256, 1e-18
 _START_NS = 1_700_000_000_000_000_000
 _RIPPLE = ((1, 0.02, 0.7), (2, 0.01, 2.1))
-"""Orders of the shaft's angle, with size and phase."""
+"""Orders of the shaft angle, with amplitude and phase."""
 _MANY_ORDERS = (*_RIPPLE, *((k, 0.02 / k**2, 0.7 * k) for k in range(3, 13)))
-"""What a load leaves in the speed that leaps in every turn: orders that fall as 1/k^2."""
+"""Speed ripple of a load with steps in every turn: orders that fall as 1/k^2."""
 _KNOCKS_PER_S, _KNOCK_SIZE, _KNOCK_S = 1.0, 0.015, 0.04
 _NEWTON_STEPS = 8
 
 
 @dataclass(frozen=True)
 class ShaftMotion:
-    """A shaft whose speed ripples with its angle and drops for a moment when a load knocks.
+    """Shaft whose speed ripples with its angle and drops briefly after each shock of a load.
 
-    omega = speed b(t) r(theta), with r = 1 + sum(a_k cos(k theta + p_k)) over the ripple's orders and b lowered after
-    each knock at t_j by z d exp(1 - d), d = (t - t_j) / T: the answer of a critically damped drive. The two separate:
-    the integral of 1/r over the angle, a Fourier series, equals that of `speed` b over time, known in closed form.
+    omega = speed b(t) r(theta), with r = 1 + sum(a_k cos(k theta + p_k)) over the orders of the ripple. b is
+    lowered after
+    each shock at t_j by z d exp(1 - d), d = (t - t_j) / T: the response of a critically damped drive. The variables
+    separate: the integral of 1/r over the angle, a Fourier series, equals that of `speed` b over time, in closed form.
     """
 
     speed_rad_s: float
@@ -43,7 +44,7 @@ class ShaftMotion:
     ripple: Sequence[tuple[int, float, float]] = _RIPPLE
 
     def at(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Angle [rad], speed [rad/s] and acceleration [rad/s^2] at (n,) times."""
+        """Return angle [rad], speed [rad/s] and acceleration [rad/s^2] at times (n,) [s]."""
         level, slope, travel = np.ones_like(time_s), np.zeros_like(time_s), time_s.copy()
         for knock in self.knocks_s:
             d = np.maximum(time_s - knock, 0.0) / _KNOCK_S
@@ -60,19 +61,19 @@ class ShaftMotion:
         return theta, omega, alpha
 
     def _wave(self, theta: FloatArray, derivative: int = 0) -> FloatArray:
-        """The ripple r, or its derivative by the angle."""
+        """Return the ripple r, or its derivative by the angle."""
         quarter = derivative * math.pi / 2.0
         terms = (a * k**derivative * np.cos(k * theta + phase + quarter) for k, a, phase in self.ripple)
         return np.asarray(sum(terms, np.full_like(theta, 1.0 - derivative)))
 
     @cached_property
     def _slowness(self) -> ComplexArray:
-        """Fourier coefficients of 1/r from order 0 on; they fall below rounding long before the last."""
+        """Fourier coefficients of 1/r from order 0 on; they are below rounding well before the last."""
         grid = np.linspace(0.0, _TURN, _NODES, endpoint=False)
         return np.asarray(np.fft.rfft(1.0 / self._wave(grid))[: _NODES // 4] / _NODES)
 
     def _clock(self, theta: FloatArray) -> FloatArray:
-        """The integral of 1/r from angle 0 on."""
+        """Return the integral of 1/r from angle 0 on."""
         orders = [(k, c) for k, c in enumerate(self._slowness) if k > 0 and abs(c) > _NEGLIGIBLE]
         terms = (2.0 / k * (c.real * np.sin(k * theta) + c.imag * (np.cos(k * theta) - 1.0)) for k, c in orders)
         return np.asarray(sum(terms, self._slowness[0].real * theta))
@@ -80,7 +81,7 @@ class ShaftMotion:
 
 @dataclass(frozen=True)
 class EncoderSignal:
-    """Samples as an absolute encoder gives them: counts, wrong stamps, lost samples; and the truth at the stamps."""
+    """Samples of an absolute encoder: counts, wrong stamps, lost samples; and the truth at the stamps."""
 
     motion: ShaftMotion
     stamps_ns: IntArray
@@ -88,7 +89,7 @@ class EncoderSignal:
 
     @property
     def time_s(self) -> FloatArray:
-        """(n,) time since the first possible sample."""
+        """(n,) time since the first possible sample [s]."""
         return np.asarray((self.stamps_ns - _START_NS) * 1e-9, dtype=np.float64)
 
     @cached_property
@@ -98,10 +99,12 @@ class EncoderSignal:
 
 
 def encoder_signal(seed: int, speed_rad_s: float, bits: int, load: str, duration_s: float) -> EncoderSignal:
-    """A record of an encoder of so many bits a turn: `RATE_HZ`, stamps wrong by `JITTER_S`, `DROPPED` of it lost.
+    """Simulate an encoder of `bits` bits per turn at `RATE_HZ`, with stamp jitter `JITTER_S` and a share
+    `DROPPED` of losses.
 
-    `load` is one of `LOADS`: the speed ripples in two orders (steady), it also drops after knocks, one a second on the
-    average, or it ripples in twelve orders.
+    `load` is one of `LOADS`: speed ripple of two orders (steady), additional drops after shocks, one per second
+    on average,
+    or ripple of twelve orders.
     """
     rng = np.random.default_rng(seed)
     count = round(duration_s * RATE_HZ)

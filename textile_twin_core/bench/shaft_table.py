@@ -1,4 +1,4 @@
-"""Shaft estimators: error of the torque that follows from an encoder's angles, against latency and cost."""
+"""Table of the shaft estimators: error of the torque computed from encoder angles, against latency and cost."""
 
 from __future__ import annotations
 
@@ -19,27 +19,29 @@ from textile_twin_core.machine.sensitivity import TorqueSensitivity
 from textile_twin_core.shaft import ShaftStates, create_estimator
 
 LAGS_S = {"causal": 0.0, "lag 20 ms": 0.02, "lag 40 ms": 0.04, "lag 80 ms": 0.08, "smooth": math.inf}
-"""The estimators and how long they look ahead; `smooth` takes the whole record."""
+"""Estimators and their look-ahead; `smooth` uses the whole record."""
 NO_ALPHA = "acceleration left out"
-"""The row of what is lost where the true angle and speed alone are used."""
+"""Row with the true angle and speed but without acceleration."""
 BITS = (8, 10, 12, 14, 16)
 DRAWN_BITS = (8, 12, 16)
 SPEEDS = (0.125, 0.375, 2.5)
-"""Shares of the machine's nominal speed."""
+"""Speeds over the nominal speed of the machine."""
 RECORD_S, SETTLED_S = 12.0, 2.0
-"""Length of a record, and the beginning that is not judged."""
+"""Length of a record, and of its start, which is excluded [s]."""
 _FIRST_SEED = 7000
 _RPM = 30.0 / math.pi
 
 
 @dataclass(frozen=True)
 class ShaftRow:
-    """One estimator on records of one kind.
+    """One estimator on records of one condition. The last three attributes are None for a row without an estimator.
 
-    torque_rms_Nm: RMS error of the torque of inertia and weight, which follows from the shaft's state without a leap;
-    torque_rms_over_peak: over that torque's peak; inside_sigma: share of the samples whose error is below the sigma
-    that the estimator tells (0.68 would be right); latency_s: half the record with `smooth`; us_per_sample: median
-    over the records, each taken in one block. The last three are None for a row that no estimator made.
+    Attributes:
+        torque_rms_Nm: RMS error of the torque of inertia and weight, a smooth function of the shaft state [N m].
+        torque_rms_over_peak: The same over the peak of that torque.
+        inside_sigma: Share of samples whose error is below the estimated sigma (0.68 is correct).
+        latency_s: Look-ahead [s]; half the record for `smooth`.
+        us_per_sample: Median over the records, each processed in one block [us].
     """
 
     estimator: str
@@ -56,21 +58,21 @@ class ShaftRow:
 
 @dataclass(frozen=True)
 class Condition:
-    """Records of one kind: the encoder's bits, the shaft's speed [rad/s], and what the load does to it (`LOADS`)."""
+    """Condition of records: bits of the encoder, speed of the shaft [rad/s], and load (`LOADS`)."""
 
     bits: int
     speed_rad_s: float
     load: str
 
     def records(self, count: int, duration_s: float) -> list[EncoderSignal]:
-        """The records; they differ in phase, noise, lost samples and knocks."""
+        """Generate records that differ in phase, noise, lost samples and shocks."""
         return [
             encoder_signal(_FIRST_SEED + k, self.speed_rad_s, self.bits, self.load, duration_s) for k in range(count)
         ]
 
 
 class SmoothTorque:
-    """The machine's torque of inertia and weight by its closed form, and its gradient by the shaft's state."""
+    """Torque of inertia and weight by its closed form, and its gradient by the shaft state."""
 
     def __init__(self, machine: Machine) -> None:
         torque = machine.model.output("torque_inertial_Nm") + machine.model.output("torque_gravity_Nm")
@@ -78,20 +80,20 @@ class SmoothTorque:
         self._sensitivity = TorqueSensitivity(torque)
 
     def __call__(self, theta: FloatArray, omega: FloatArray, alpha: FloatArray) -> FloatArray:
-        """(n,) torque [N m]."""
+        """Return the torque (n,) [N m]."""
         out = np.empty(theta.size)
         self._program([theta, omega, alpha], [out])
         return out
 
     def sigma(self, states: ShaftStates) -> FloatArray:
-        """(n,) standard deviation that follows from the states' covariance [N m]."""
+        """Return the standard deviation (n,) propagated from the covariance of the states [N m]."""
         gradient = self._sensitivity.gradient(states.phase_rad, states.omega_rad_s, states.alpha_rad_s2)
         return np.sqrt(np.maximum(states.variance_of(gradient), 0.0))
 
 
 @dataclass
 class _Tally:
-    """Errors [N m], whether they are inside sigma, and times [us per sample], of one row while records come in."""
+    """Errors [N m], their positions relative to sigma, and times [us per sample], accumulated for one row."""
 
     errors: list[FloatArray] = field(default_factory=list)
     inside: list[FloatArray] = field(default_factory=list)
@@ -99,7 +101,7 @@ class _Tally:
 
 
 def conditions(machine: Machine) -> list[tuple[Condition, tuple[str, ...]]]:
-    """What is measured, and with which estimators: bits at nominal speed, other speeds at 16 bits, with each load."""
+    """List the conditions with their estimators: all bits at nominal speed, other speeds at 16 bits, for each load."""
     nominal = machine.nominal_speed_rad_s
     few = ("causal", "lag 40 ms", "smooth")
     found = []
@@ -117,10 +119,11 @@ def shaft_table(
     wanted: Iterable[tuple[Condition, Sequence[str]]] | None = None,
     progress: Callable[[int, int], object] = lambda done, total: None,
 ) -> list[ShaftRow]:
-    """Rows for all conditions, or for those wanted: in each record the estimators take turns.
+    """Measure all conditions, or the wanted ones; in each record the estimators take turns.
 
-    The truth is the machine's closed form at the true state, so that the error is the estimator's alone. `progress`
-    hears of records done and their number.
+    The truth is the closed form at the true state, so that the error is that of the estimator. `progress` is
+    called with the
+    numbers of finished and total records.
     """
     chosen = list(conditions(machine) if wanted is None else wanted)
     torque = SmoothTorque(machine)

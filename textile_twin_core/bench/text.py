@@ -1,4 +1,4 @@
-"""The bench as tables for people."""
+"""Tables of the benchmark as text."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from textile_twin_core.bench.shaft_table import ShaftRow
 
 
 def heading(core: int | None, rounds: int) -> str:
-    """How the times below were taken."""
+    """Describe the timing method."""
     if core is None:
         where = "wall time on any core, since this system holds no process to one"
     else:
@@ -27,7 +27,9 @@ def heading(core: int | None, rounds: int) -> str:
 
 
 def speed_table(rows: Iterable[Row]) -> str:
-    """One block a scene: error over peak, ns per sample of a batch, us for one call, and how far the rounds spread."""
+    """Format one block per scene: error over peak, ns per sample of a batch, us per call, and spread over the
+    rounds.
+    """
     lines = []
     for scene, block in groupby(rows, key=lambda row: (row.machine, row.outputs)):
         title = f"  {'':34}{'error/peak':>11}{'ns/sample':>12}{'spread':>8}{'us/call':>11}{'spread':>8}"
@@ -55,7 +57,7 @@ def _number(value: float | None, form: str) -> str:
 
 
 def ratio_lines(found: Iterable[Ratio], title: str = "time per sample, batch, torque") -> str:
-    """One line a ratio: its median, and the middle half of the rounds."""
+    """Format one line per ratio: its median, and the quartiles of the rounds."""
     named = [(f"{r.above} / {r.below}", r) for r in found]
     width = max((len(name) for name, _ in named), default=0)
     lines = [f"  {name:{width}}{r.median:>12,.2f}   {r.quartile_1:,.2f} .. {r.quartile_3:,.2f}" for name, r in named]
@@ -63,7 +65,7 @@ def ratio_lines(found: Iterable[Ratio], title: str = "time per sample, batch, to
 
 
 def growth_table(rows: Iterable[Growth]) -> str:
-    """One block for samples, machines and linkages."""
+    """Format one block each for samples, machines and linkages."""
     lines = []
     for what, block in groupby(rows, key=lambda row: (row.method, row.what)):
         lines += ["", f"{what[1]}, {what[0]}", f"  {'':>12}{'ns per sample':>16}{'MiB beyond in and out':>24}"]
@@ -72,7 +74,7 @@ def growth_table(rows: Iterable[Growth]) -> str:
 
 
 def shaft_lines(rows: Sequence[ShaftRow]) -> str:
-    """A matrix for each load: estimators against the encoder's bits, and against the shaft's speed."""
+    """Format a matrix per load: estimators against encoder bits, and against shaft speed."""
     lines = [
         f"{rows[0].machine}: RMS error of the torque of inertia and weight over its peak, from an encoder's angles"
         f" ({RATE_HZ:g} Hz,",
@@ -93,7 +95,7 @@ def shaft_lines(rows: Sequence[ShaftRow]) -> str:
 
 
 def _matrices(rows: Sequence[ShaftRow]) -> dict[tuple[str, float | None], list[ShaftRow]]:
-    """Rows by load, those at the speed that has several bits apart from those at other speeds (None)."""
+    """Group rows by load, with the speed that has several bits separate from the other speeds (None)."""
     bits: dict[float, set[int]] = {}
     for row in rows:
         bits.setdefault(row.rpm, set()).add(row.bits)
@@ -115,7 +117,7 @@ def _shaft_line(rows: Sequence[ShaftRow], columns: Sequence[tuple[int, float]]) 
 
 
 def impact_lines(rows: Sequence[ImpactRow]) -> str:
-    """One line a method and setting."""
+    """Format one line per method and setting."""
     title = "needle transfer, from rest to the first contact of the collets: error of the event times"
     head = f"  {'':30}{'':18}{'error [s]':>11}{'ms per run':>12}{'spread':>8}"
     lines = [

@@ -1,4 +1,4 @@
-"""Fair timing: all candidates in one process on one core, taking turns; every round's time is kept."""
+"""Fair timing: all candidates in one process on one core, taking turns, with the time of every round stored."""
 
 from __future__ import annotations
 
@@ -15,18 +15,22 @@ from textile_twin_core.arrays import FloatArray
 _CALLS = 200
 
 PINS = hasattr(os, "sched_setaffinity")
-"""Whether this system can hold a process to a core."""
+"""True if this system can pin a process to a core."""
 clock = time.process_time if PINS else time.perf_counter
-"""Processor time, which other programs do not lengthen; wall time where systems count it coarsely (Windows, macOS)."""
+"""Processor time, independent of other programs; wall time where it is too coarse (Windows, macOS)."""
 
 
 @dataclass
 class Candidate:
-    """One way to evaluate a scene.
+    """Method to evaluate a scene.
 
-    `batch` evaluates `samples` samples at once, `single` one sample; either may be missing. `result` gives
-    the outputs of the batch's samples for the error; `error` is given instead where the motion is not the scene's.
-    `peer` is the library, None for our own methods. `batch_times` and `single_times` [s] have one entry a round.
+    Attributes:
+        batch: Evaluates `samples` samples at once; None if not supported.
+        single: Evaluates one sample; None if not supported.
+        result: Returns the outputs of the batch's samples, for the error.
+        error: Given in place of `result` if the motion is not that of the scene.
+        peer: Name of the library; None for our own methods.
+        batch_times, single_times: Times of each round [s].
     """
 
     method: str
@@ -52,16 +56,16 @@ class Candidate:
 
 
 def bench_core() -> int | None:
-    """The core that the bench keeps to: the last one it may use, since systems put their own work on the first.
+    """Return the core of the benchmark: the last available one, since systems use the first for their own work.
 
-    None where the system cannot hold a process to a core.
+    None if the system cannot pin a process to a core.
     """
     return max(os.sched_getaffinity(0)) if PINS else None
 
 
 @contextmanager
 def one_core() -> Iterator[None]:
-    """Holds this thread, and the threads it starts, to `bench_core`: moving to another core would empty its caches."""
+    """Pin this thread, and the threads it starts, to `bench_core`; moving to another core would empty its caches."""
     core = bench_core()
     if core is None:
         yield
@@ -77,12 +81,12 @@ def one_core() -> Iterator[None]:
 def take_turns(
     candidates: Iterable[Candidate], rounds: int, progress: Callable[[int], object] = lambda _: None
 ) -> None:
-    """Time every candidate once a round, so that whatever slows the machine meets all alike.
+    """Time every candidate once per round, so that disturbances affect all of them equally.
 
-    Just before, each runs once untimed: what the others left in the caches is no part of its time.
+    Each runs once untimed just before, to exclude the cache state left by the others.
     """
     candidates = list(candidates)
-    for candidate in candidates:  # compile what compiles late
+    for candidate in candidates:  # trigger late compilation
         for function in (candidate.batch, candidate.single):
             if function is not None:
                 function()

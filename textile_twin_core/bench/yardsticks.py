@@ -1,4 +1,4 @@
-"""Yardsticks beside the bench's methods: a loop of as many plain operations, and numpy's sine."""
+"""Yardsticks beside the methods: a loop of as many plain operations, and numpy's sine."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _PLAIN = ("add", "sub", "mul", "square")
 
 
 def yardsticks(scene: Workload) -> Iterator[Candidate]:
-    """For scenes of one output, since the yardsticks write one."""
+    """Build the yardsticks for scenes of one output, since they write one."""
     if len(scene.outputs) > 1:
         return
     loop, out = (
@@ -33,9 +33,9 @@ def yardsticks(scene: Workload) -> Iterator[Candidate]:
 
 
 def plain_operations(outputs: Sequence[Expr]) -> Expr:
-    """An expression of as many sums and products, divisions and roots as the outputs, of which few wait for each other.
+    """Build an expression with as many sums and products, divisions and roots as the outputs, mostly independent.
 
-    As many sums as products, and no sines.
+    Sums and products are equal in number, and there are no sines.
     """
     counts = operation_counts(outputs)
     slow = ["div"] * counts["div"] + ["sqrt"] * counts["sqrt"]

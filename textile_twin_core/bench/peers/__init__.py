@@ -1,4 +1,4 @@
-"""Other libraries doing the same work, each in its own best way; those not installed are left out."""
+"""Other libraries on the same task, each with its fastest interface; missing ones are skipped."""
 
 from __future__ import annotations
 
@@ -19,11 +19,13 @@ MODULES: Mapping[str, str] = {
     "numba": "numba_form",
     "pylinkage": "pylinkage_positions",
 }
-"""Import name of each library and the module here that drives it."""
+"""Import name of each library, and the module here that calls it."""
 
 
 def peer_candidates(scene: Workload, say: Callable[[str], object] = lambda _: None) -> list[Candidate]:
-    """Candidates of every peer that is installed and can do the scene; `say` hears, in a line, what is left out."""
+    """Build the candidates of every installed peer that supports the scene; `say` is called with a line per
+    skipped peer.
+    """
     found: list[Candidate] = []
     for library, module in MODULES.items():
         if find_spec(library) is None:
@@ -32,14 +34,14 @@ def peer_candidates(scene: Workload, say: Callable[[str], object] = lambda _: No
         try:
             make: Callable[[Workload], Iterator[Candidate]] = import_module(f"{__name__}.{module}").candidates
             found += [tried(candidate) for candidate in make(scene)]
-        except Exception as error:  # whatever fails in another library costs its own rows, not the bench
+        except Exception as error:  # a failure in another library skips its rows only
             cause = " ".join(str(error).split()) or type(error).__name__
             say(f"{library} is left out of '{scene.name}': {cause[:200]}")
     return found
 
 
 def tried(candidate: Candidate) -> Candidate:
-    """The candidate after one run of all it offers, so that what fails does so here."""
+    """Run a candidate once with all its functions, so that failures show here, and return it."""
     for work in (candidate.batch, candidate.single, candidate.result, candidate.error):
         if work is not None:
             work()

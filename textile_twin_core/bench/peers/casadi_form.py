@@ -1,7 +1,8 @@
-"""CasADi: the closed form in its symbols, as C that CasADi writes where a compiler is at hand, else interpreted.
+"""CasADi: the closed form in its symbols, as generated C if a compiler is installed, otherwise interpreted.
 
-Timed: calls through CasADi's buffers, without conversions: one sample a call, and CasADi's `map` over arrays, which
-its generated C loops over.
+Timed: calls through CasADi's buffers, without conversions. The batch is CasADi's `map` over arrays, which its
+generated C
+loops over; the single call takes one sample.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ class _Functions:
 
 
 def candidates(scene: Workload) -> Iterator[Candidate]:
-    """The closed form, as generated C or interpreted."""
+    """Build the closed form, as generated C or interpreted."""
     names = ("theta", "omega", "alpha")
     inputs = {name: casadi.SX.sym(name) for name in names}
     expressions = [scene.machine.model.output(name) for name in scene.outputs]
@@ -71,13 +72,13 @@ def _compiled(functions: list[Any]) -> tuple[str, list[Any]]:
 
 
 def _bound(function: Any, inputs: Sequence[FloatArray], out: FloatArray) -> Callable[[], object]:
-    """A call that reads the inputs and writes the rows of `out` where they lie."""
+    """Return a function that reads the inputs and writes the rows of `out` in place."""
     buffer, call = function.buffer()
     for k, values in enumerate(inputs):
         buffer.set_arg(k, values.data)
     for k, row in enumerate(out):
         buffer.set_res(k, row.data)
-    kept = (buffer, inputs, out)  # CasADi holds bare addresses: what they point at must live as long as the call
+    kept = (buffer, inputs, out)  # CasADi stores bare addresses: the arrays must outlive the call
 
     def run(kept: object = kept) -> object:
         return call()

@@ -1,9 +1,10 @@
-"""Inverse dynamics of a closed linkage by an engine that knows trees: the loop is closed on the engine's kinematics.
+"""Inverse dynamics of a closed linkage by an engine for trees: the loop is closed on the engine's kinematics.
 
-Timed, per sample: joint positions from a table accurate to 1e-5, two steps of Newton's method on the engine's gaps
-and Jacobians at the cut pins, joint velocities and accelerations that keep the pins closed, the engine's inverse
-dynamics of the tree, and its projection onto the shaft (the principle of virtual work). Friction of the backing is
-added by a test on the position that the engine gives the needle.
+Timed, per sample: joint positions from a table accurate to 1e-5, two steps of Newton's method on the engine's gaps and
+Jacobians at the cut pins, joint velocities and accelerations that satisfy the pins, the engine's inverse
+dynamics of the
+tree, and its projection onto the shaft (principle of virtual work). Friction of the backing is added by a test of the
+needle position that the engine gives.
 """
 
 from __future__ import annotations
@@ -25,29 +26,31 @@ _STEPS = 20
 
 
 class TreeEngine(Protocol):
-    """What an engine does for a tree; joints in the tree's order."""
+    """Functions of an engine for a tree; joints are in the order of the tree."""
 
     def place(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Move to joint positions: gaps of the cut pins, later minus earlier, x then y [m], and their Jacobian."""
+        """Move to joint positions; return the gaps of the cut pins, later minus earlier, x then y [m], and their
+        Jacobian.
+        """
         ...
 
     def drift(self, q: FloatArray, v: FloatArray) -> FloatArray:
-        """Acceleration of the gaps at joint velocities while the joints do not accelerate [m/s^2]."""
+        """Return the acceleration of the gaps at joint velocities with zero joint accelerations [m/s^2]."""
         ...
 
     def inverse(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
-        """Generalised forces of the tree for a motion, gravity included [N m, N]."""
+        """Return the generalised forces of the tree for a motion, gravity included [N m, N]."""
         ...
 
     def tip(self) -> FloatArray:
-        """Position of the needle's tip where the joints were placed [m]."""
+        """Return the position of the needle tip at the present joint positions [m]."""
         ...
 
 
 class Solved(NamedTuple):
-    """One sample: torque [N m], travel [m], friction's torque [N m], and what led to them.
+    """One sample: torque [N m], travel [m], friction torque [N m], and intermediate results.
 
-    Joint motion, its derivative by theta, the inverse of the passive joints' Jacobian, the forces of the tree.
+    These are the joint motion, its derivative by theta, the inverse of the passive joints' Jacobian, the tree's forces.
     """
 
     torque: float
@@ -62,14 +65,14 @@ class Solved(NamedTuple):
 
 
 class ClosedLoop:
-    """A tree whose cut pins are kept closed."""
+    """Tree with closed cut pins."""
 
     def __init__(self, tree: PlanarTree, engine: TreeEngine) -> None:
         self.tree = tree
         self.engine = engine
 
     def assemble(self, theta: float) -> tuple[FloatArray, FloatArray]:
-        """Joint positions at theta by Newton's method, and the Jacobian of the gaps there."""
+        """Return joint positions at theta by Newton's method, and the Jacobian of the gaps there."""
         q = self.tree.near(theta)
         for _ in range(_STEPS):
             gaps, jacobian = self.engine.place(q)
@@ -79,7 +82,7 @@ class ClosedLoop:
         raise ArithmeticError(f"the loop does not close at {theta!r} rad")
 
     def travel(self) -> float:
-        """The needle's travel where the joints were placed [m]."""
+        """Return the travel of the needle at the present joint positions [m]."""
         needle = self.tree.needle
         if needle is None:
             return 0.0
@@ -87,12 +90,12 @@ class ClosedLoop:
         return (x - needle.origin[0]) * needle.direction[0] + (y - needle.origin[1]) * needle.direction[1]
 
     def position(self, theta: float, omega: float, alpha: float) -> float:
-        """The needle's travel at theta [m]."""
+        """Return the travel of the needle at theta [m]."""
         self.assemble(theta)
         return self.travel()
 
     def solve(self, theta: float, omega: float, alpha: float) -> Solved:
-        """Torque [N m] and travel [m] with what led to them."""
+        """Return torque [N m] and travel [m] with the intermediate results."""
         q, jacobian = self.assemble(theta)
         inverse = np.asarray(np.linalg.inv(jacobian[:, 1:]), dtype=np.float64)
         slope = np.empty(q.size)
@@ -109,7 +112,9 @@ class ClosedLoop:
 
 
 def projected(scene: Workload, library: str, engine: Callable[[PlanarTree], TreeEngine]) -> Iterator[Candidate]:
-    """The engine on the scene's machine, where it is one of pins and sliders and the outputs are torque and travel."""
+    """Build the engine for the scene's machine, if it has pins and sliders only and the outputs are torque and
+    travel.
+    """
     tree = planar_tree(scene.machine)
     if tree is None:
         return
@@ -138,9 +143,9 @@ def one_by_one(
     outputs: Sequence[str] | None = None,
     note: str = "",
 ) -> Candidate:
-    """A candidate without a batch mode of its own: the first samples in a loop of Python.
+    """Build a candidate without a batch mode: the first samples in a Python loop.
 
-    `sample` gives the scene's outputs, or those named.
+    `sample` returns the outputs of the scene, or the named ones.
     """
     names = scene.outputs if outputs is None else outputs
     samples = min(SAMPLES, scene.samples)

@@ -1,6 +1,6 @@
 """Drake: kinematics, Jacobians and inverse dynamics of a MultibodyPlant, one sample at a time from Python.
 
-Timed: all of `closed_loop`. Drake has no inverse dynamics over arrays, so its batch is a loop of Python.
+Timed: all steps of `closed_loop`. Drake has no inverse dynamics over arrays, so the batch is a Python loop.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _ORIGIN = np.zeros(3)
 
 
 class DrakeTree:
-    """The tree as a MultibodyPlant; points at either side of every cut and at the needle's tip."""
+    """Tree as a MultibodyPlant, with points on both sides of every cut and at the needle tip."""
 
     def __init__(self, tree: PlanarTree) -> None:
         self.plant = plant = MultibodyPlant(0.0)
@@ -82,29 +82,29 @@ class DrakeTree:
         return found[:2, 0]
 
     def place(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Gaps and Jacobian at the cut pins."""
+        """Return gaps and Jacobian at the cut pins."""
         self.plant.SetPositions(self.context, q[self._back])
         gaps = [(self._position(*later) - self._position(*earlier))[:2] for later, earlier in self._cuts]
         rows = [self._jacobian(*later) - self._jacobian(*earlier) for later, earlier in self._cuts]
         return np.concatenate(gaps), np.concatenate(rows)[:, self._order]
 
     def drift(self, q: FloatArray, v: FloatArray) -> FloatArray:
-        """Acceleration of the gaps while the joints do not accelerate."""
+        """Return the acceleration of the gaps with zero joint accelerations."""
         self.plant.SetVelocities(self.context, v[self._back])
         return np.concatenate([self._bias(*later) - self._bias(*earlier) for later, earlier in self._cuts])
 
     def inverse(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
-        """Drake's inverse dynamics, with gravity."""
+        """Return Drake's inverse dynamics, with gravity."""
         self.plant.CalcForceElementsContribution(self.context, self._forces)
         forces: FloatArray = self.plant.CalcInverseDynamics(self.context, a[self._back], self._forces)
         ordered: FloatArray = forces[self._order]
         return ordered
 
     def tip(self) -> FloatArray:
-        """Position of the needle's tip."""
+        """Return the position of the needle tip."""
         return self._position(*self._tip)
 
 
 def candidates(scene: Workload) -> Iterator[Candidate]:
-    """Torque and travel by projection."""
+    """Build torque and travel by projection."""
     yield from projected(scene, "drake", DrakeTree)

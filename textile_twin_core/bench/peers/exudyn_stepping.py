@@ -1,8 +1,9 @@
 """Exudyn: the linkage as plane bodies, pins and a driven crank, stepped through time at constant speed.
 
-Timed: the solver over a turn and a quarter and what its sensors recorded, the friction of the backing added by a test
-on the recorded position of the needle. It has no inverse dynamics: the torque is the multiplier of the drive's
-constraint. The first quarter lets the start's transient die away; the error is that of the turn that follows.
+Timed: the solver over a turn and a quarter, and the recording of its sensors; friction of the backing is added
+by a test
+of the recorded needle position. There is no inverse dynamics, so the torque is the multiplier of the drive constraint.
+The initial transient decays in the first quarter turn; the error is that of the turn after it.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ _A_TURN = 2000
 
 
 class Stepping:
-    """The tree as an Exudyn system that stands a quarter of a turn before theta = 0 and runs at `omega` [rad/s]."""
+    """Tree as an Exudyn system that starts a quarter turn before theta = 0 at `omega` [rad/s]."""
 
     def __init__(self, tree: PlanarTree, omega: float, a_turn: int) -> None:
         self.tree, self.omega, self.a_turn = tree, omega, a_turn
@@ -106,7 +107,7 @@ class Stepping:
         return self.system.AddMarker(MarkerBodyRigid(bodyNumber=number, localPosition=[at[0] - x, at[1] - y, 0.0]))
 
     def turn(self) -> dict[str, FloatArray]:
-        """Torque [N m] and travel [m] at the even angles of the turn."""
+        """Return torque [N m] and travel [m] at equally spaced angles of the turn."""
         self.system.SolveDynamic(self.settings)
         torque = -self._last_turn(self._torque)[:, 0]
         needle = self.tree.needle
@@ -120,13 +121,13 @@ class Stepping:
         return {TORQUE: torque + [needle.friction(y, s, self.omega) for y, s in motion], needle.output: travel}
 
     def _last_turn(self, sensor: Any) -> FloatArray:
-        """Recorded values without their times, of the last turn."""
+        """Return the recorded values of the last turn, without their times."""
         found: FloatArray = self.system.GetSensorStoredData(sensor)[-self.a_turn :, 1:]
         return found
 
 
 def _slope(values: ComplexArray) -> ComplexArray:
-    """Derivative of a periodic function given at even angles of a turn, both ends included."""
+    """Differentiate a periodic function given at equally spaced angles of a turn, both ends included."""
     n = len(values) - 1
     orders = np.fft.fftfreq(n, 1.0 / n)
     slope: ComplexArray = np.fft.ifft(1j * orders * np.fft.fft(values[:-1]))
@@ -134,7 +135,7 @@ def _slope(values: ComplexArray) -> ComplexArray:
 
 
 def candidates(scene: Workload) -> Iterator[Candidate]:
-    """Torque and travel by time stepping."""
+    """Build torque and travel by time stepping."""
     tree = planar_tree(scene.machine)
     if tree is None or not set(scene.outputs) <= {TORQUE, tree.needle.output if tree.needle else ""}:
         return

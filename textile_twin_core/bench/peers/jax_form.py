@@ -1,6 +1,6 @@
-"""JAX: the closed form in jax.numpy, 64 bits, compiled by jit; one call a sample, and vmap over arrays.
+"""JAX: the closed form in jax.numpy, 64 bits, compiled by jit; one call per sample, and vmap over arrays.
 
-Timed: the compiled functions until their results are there; arrays stand ready on the device.
+Timed: the compiled functions until their results are available; the arrays are on the device already.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ class _Functions:
 
 
 def candidates(scene: Workload) -> Iterator[Candidate]:
-    """The closed form, jitted and mapped."""
+    """Build the closed form, jitted and mapped."""
     jax.config.update("jax_enable_x64", True)
     expressions = [scene.machine.model.output(name) for name in scene.outputs]
 

@@ -1,8 +1,8 @@
 """MuJoCo: kinematics, Jacobians and recursive Newton-Euler algorithm of the tree, one sample at a time from Python.
 
-Timed: all of `closed_loop`; and, beside it, MuJoCo's own soft constraint at the cut pins, in which the torque that
-gives the asked acceleration at a closed position comes from two calls of its forward dynamics. MuJoCo's batch mode
-(rollout) steps motions forward and has no inverse dynamics, so the batch is a loop of Python.
+Timed: all steps of `closed_loop`. A second candidate uses MuJoCo's soft constraints at the cut pins; two calls of its
+forward dynamics give the torque for the requested acceleration at a closed position. MuJoCo's batch mode (rollout) has
+no inverse dynamics, so the batch is a Python loop.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from textile_twin_core.bench.timing import Candidate
 
 
 class MuJoCoTree:
-    """The tree as a MuJoCo model; a site at either side of every cut and one at the needle's tip.
+    """Tree as a MuJoCo model, with sites on both sides of every cut and at the needle tip.
 
-    With `soft`, MuJoCo's own equality constraints hold the cuts too, with that impedance (0 to 1).
+    With `soft`, MuJoCo's equality constraints of this impedance (0 to 1) also close the cuts.
     """
 
     def __init__(self, tree: PlanarTree, soft: float | None = None) -> None:
@@ -58,7 +58,7 @@ class MuJoCoTree:
             for k, c in enumerate(tree.cuts)
         ]
         self._tip = self._site("tip") if tree.needle else 0
-        # MuJoCo numbers joints depth first, the tree in the order of its groups
+        # MuJoCo numbers joints depth first, the tree numbers them in the order of its groups
         self.order = np.array([model.body(b).dofadr[0] for b in self._bodies])
         self._jacobians = np.zeros((2, 3, model.nv))
         self._forces = np.zeros(model.nv)
@@ -67,7 +67,7 @@ class MuJoCoTree:
         return int(self.model.site(name).id)
 
     def place(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Gaps and Jacobian at the cut pins."""
+        """Return gaps and Jacobian at the cut pins."""
         model, data, (moved, rest) = self.model, self.data, self._jacobians
         data.qpos[self.order] = q
         mujoco.mj_kinematics(model, data)
@@ -82,7 +82,7 @@ class MuJoCoTree:
         return gaps, jacobian
 
     def drift(self, q: FloatArray, v: FloatArray) -> FloatArray:
-        """Acceleration of the gaps while the joints do not accelerate."""
+        """Return the acceleration of the gaps with zero joint accelerations."""
         model, data, (moved, rest) = self.model, self.data, self._jacobians
         data.qvel[self.order] = v
         mujoco.mj_comVel(model, data)
@@ -94,22 +94,22 @@ class MuJoCoTree:
         return drift
 
     def inverse(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
-        """Recursive Newton-Euler algorithm."""
+        """Run the recursive Newton-Euler algorithm."""
         self.data.qacc[self.order] = a
         mujoco.mj_rne(self.model, self.data, 1, self._forces)
         forces: FloatArray = self._forces[self.order]
         return forces
 
     def tip(self) -> FloatArray:
-        """Position of the needle's tip."""
+        """Return the position of the needle tip."""
         position: FloatArray = self.data.site_xpos[self._tip]
         return position
 
 
 class SoftLoop:
-    """MuJoCo's own loop: equality constraints of finite stiffness at the cuts.
+    """Loop closed by MuJoCo's equality constraints of finite stiffness at the cuts.
 
-    Its forward dynamics is linear in the applied torque, so two calls give the torque for an acceleration.
+    The forward dynamics is linear in the applied torque, so two calls give the torque for an acceleration.
     """
 
     def __init__(self, tree: PlanarTree, impedance: float) -> None:
@@ -118,7 +118,7 @@ class SoftLoop:
         self.loop = ClosedLoop(tree, self.engine)
 
     def torque(self, theta: float, omega: float, alpha: float) -> tuple[float]:
-        """Balancing torque [N m], alone in a tuple."""
+        """Return the balancing torque [N m] as a tuple of one."""
         model, data, crank, needle = self.engine.model, self.engine.data, self.engine.order[0], self.tree.needle
         _, jacobian = self.loop.assemble(theta)
         slope = np.concatenate([[1.0], -np.linalg.solve(jacobian[:, 1:], jacobian[:, 0])])
@@ -135,7 +135,9 @@ class SoftLoop:
 
 
 def candidates(scene: Workload) -> Iterator[Candidate]:
-    """Torque and travel by projection; the torque by soft constraints as MuJoCo sets them and as hard as they get."""
+    """Build torque and travel by projection, and the torque by soft constraints at their default and at full
+    stiffness.
+    """
     yield from projected(scene, "mujoco", MuJoCoTree)
     tree = planar_tree(scene.machine)
     if tree is not None and scene.outputs == (TORQUE,):

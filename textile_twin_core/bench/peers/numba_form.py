@@ -1,4 +1,4 @@
-"""Numba: the closed form as generated Python, compiled by njit; one call a sample, and a compiled loop over arrays.
+"""Numba: the closed form as generated Python, compiled by njit; one call per sample, and a compiled loop over arrays.
 
 Timed: the compiled functions alone; `fast` lets the compiler reorder and contract (fastmath), which vectorises.
 """
@@ -20,7 +20,7 @@ _INPUTS = ("theta", "omega", "alpha")
 
 
 def candidates(scene: Workload) -> Iterator[Candidate]:
-    """The closed form, with and without reordering."""
+    """Build the closed form, with and without reordering."""
     source = scalar_source([scene.machine.model.output(name) for name in scene.outputs], _INPUTS)
     for method, fast in (("njit", False), ("njit, fast", True)):
         compiled = numba.njit(error_model="numpy", fastmath=fast)

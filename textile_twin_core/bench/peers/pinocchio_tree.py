@@ -1,6 +1,6 @@
 """Pinocchio: kinematics, Jacobians and recursive Newton-Euler algorithm of the tree, one sample at a time from Python.
 
-Timed: all of `closed_loop`. Pinocchio has no inverse dynamics over arrays, so its batch is a loop of Python.
+Timed: all steps of `closed_loop`. Pinocchio has no inverse dynamics over arrays, so the batch is a Python loop.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from textile_twin_core.bench.timing import Candidate
 
 
 class PinocchioTree:
-    """The tree as a Pinocchio model; a frame at either side of every cut and one at the needle's tip."""
+    """Tree as a Pinocchio model, with frames on both sides of every cut and at the needle tip."""
 
     def __init__(self, tree: PlanarTree) -> None:
         self.model = model = pin.Model()
@@ -40,7 +40,7 @@ class PinocchioTree:
         return int(self.model.addFrame(pin.Frame(name, joint + 1, 0, _at(at), pin.FrameType.OP_FRAME)))
 
     def place(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Gaps and Jacobian at the cut pins."""
+        """Return gaps and Jacobian at the cut pins."""
         model, data = self.model, self.data
         pin.computeJointJacobians(model, data, q)
         pin.updateFramePlacements(model, data)

@@ -96,7 +96,7 @@ class PlanarTree:
     start: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
 
     def near(self, theta: float) -> FloatArray:
-        """Joint positions [rad, m] within 1e-5 of the assembly at theta, from the table."""
+        """Return joint positions [rad, m] within 1e-5 of the assembly at theta, from the table."""
         place = theta % (2.0 * math.pi) * (_NODES / (2.0 * math.pi))
         k = min(int(place), _NODES - 1)
         q: FloatArray = self.start[k] + (place - k) * (self.start[k + 1] - self.start[k])
@@ -104,7 +104,7 @@ class PlanarTree:
         return q
 
     def frames(self) -> tuple[list[ComplexArray], list[FloatArray]]:
-        """Origins [m], as complex numbers, and angles [rad] of the joints' frames over the turn of `start`."""
+        """Return origins [m], as complex numbers, and angles [rad] of the joints' frames over the turn of `start`."""
         origins: list[ComplexArray] = []
         angles: list[FloatArray] = []
         for j, q in zip(self.joints, self.start.T, strict=True):
@@ -117,7 +117,7 @@ class PlanarTree:
 
 
 def planar_tree(machine: Machine) -> PlanarTree | None:
-    """The machine as a tree; None where it has parts that engines of rigid bodies and pins do not know."""
+    """Convert the machine to a tree; None if it has parts other than rigid bodies, pins and sliders."""
     loads = machine.loads
     simple = len(machine.linkages) == 1 and machine.linkages[0].phase_rad == 0.0
     if not simple or len(loads) > 1 or not all(isinstance(load, Backing) for load in loads):
@@ -209,7 +209,7 @@ def _needle(tree: PlanarTree, machine: Machine, places: dict[str, tuple[int, Poi
 
 
 def _start(tree: PlanarTree, machine: Machine, links: dict[str, tuple[int, Point]]) -> FloatArray:
-    """Joint positions at even angles of a turn, both ends included: shape (nodes + 1, joints)."""
+    """Compute joint positions at equally spaced angles of a turn, both ends included: shape (nodes + 1, joints)."""
     theta = np.linspace(0.0, 2.0 * np.pi, _NODES + 1)
     names = [f"point_{p}_{axis}_m" for p in machine.point_names for axis in "xy"]
     found = compile_machine(machine, names, "exact").evaluate(theta, 0.0, 0.0)

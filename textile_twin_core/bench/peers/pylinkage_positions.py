@@ -1,7 +1,8 @@
-"""Pylinkage: positions over a turn; it knows no forces.
+"""Pylinkage: positions over a turn, without forces.
 
-Timed: `step_fast`, its compiled simulation of evenly turned cranks, for the batch, and one `step` for the single call;
-in both the travel of the needle is read off. It cannot be asked at any angle, so its error is that of its own turn.
+Timed: `step_fast`, its compiled simulation of uniformly driven cranks, for the batch, and one `step` for the
+single call;
+both include reading the travel of the needle. Arbitrary angles are not supported, so the error is that of its own turn.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ _SAMPLES = 10_000
 
 
 class Positions:
-    """A machine in pylinkage, standing at theta = 0, its crank turned by `step_rad` a step."""
+    """Machine in pylinkage, starting at theta = 0, with its crank turned by `step_rad` per step."""
 
     def __init__(self, machine: Machine, step_rad: float) -> None:
         names = [f"point_{p}_{axis}_m" for p in machine.point_names for axis in "xy"]
@@ -33,9 +34,7 @@ class Positions:
         links = {link.name: link for link in machine.links}
         self.parts: list[Any] = []
         self.part: dict[str, Any] = {}
-        self.beyond: dict[
-            str, tuple[str, FloatArray]
-        ] = {}  # tips of sliders: the slider's joint and the way on from it
+        self.beyond: dict[str, tuple[str, FloatArray]] = {}  # tips of sliders: joint of the slider, and offset from it
         for name, at in machine.points.items():
             self._add(name, pylinkage.Ground(*at))
         for group in machine.groups:
@@ -73,13 +72,13 @@ class Positions:
         return part.output if isinstance(part, pylinkage.Crank) else part
 
     def turn(self, steps: int) -> FloatArray:
-        """Places of all parts after each step from theta = 0 on [m], shape (steps, parts, 2)."""
+        """Return the positions of all parts after each step from theta = 0 on [m], shape (steps, parts, 2)."""
         self.linkage.set_coords(self._stand)
         places: FloatArray = self.linkage.step_fast(steps)
         return places
 
     def travel(self, places: FloatArray, measure: Travel) -> FloatArray:
-        """A travel read off the places, which have shape (.., parts, 2) [m]."""
+        """Return the travel from positions of shape (.., parts, 2) [m]."""
         point, beyond = self.beyond.get(measure.point, (measure.point, np.zeros(2)))
         way = places[..., self.parts.index(self.part[point]), :] + beyond
         origin = places[..., self.parts.index(self.part[measure.origin]), :]
@@ -88,7 +87,7 @@ class Positions:
 
 
 def candidates(scene: Workload) -> Iterator[Candidate]:
-    """The travel of the machine's measure alone."""
+    """Build the travel of the machine's measure."""
     measure = next((m for m in scene.machine.measures if scene.outputs == (f"{m.name}_position_m",)), None)
     if not isinstance(measure, Travel):
         return

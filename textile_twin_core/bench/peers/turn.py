@@ -1,4 +1,6 @@
-"""A steady turn: the scene at even angles and constant speed, for libraries that cannot be asked at any angle."""
+"""Steady turn: the scene at equally spaced angles and constant speed, for libraries that do not support
+arbitrary angles.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,7 @@ from textile_twin_core.bench.scenes import Motion, Workload
 
 
 class SteadyTurn(Workload):
-    """The angles 2 pi k / samples for k = 1 .. samples, at the machine's nominal speed without acceleration."""
+    """Turn through the angles 2 pi k / samples for k = 1 .. samples, at nominal speed without acceleration."""
 
     @cached_property
     def motion(self) -> Motion:
@@ -20,5 +22,5 @@ class SteadyTurn(Workload):
 
     @classmethod
     def of(cls, scene: Workload, samples: int) -> SteadyTurn:
-        """The same machine and outputs in a turn of so many samples."""
+        """Create a turn of `samples` samples with the machine and outputs of a scene."""
         return cls(scene.machine, scene.name, scene.outputs, samples)

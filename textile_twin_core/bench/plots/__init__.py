@@ -1,4 +1,4 @@
-"""The bench as pictures, one for each table."""
+"""Pictures of the benchmark, one for each table."""
 
 from textile_twin_core.bench.plots.impacts import plot_impacts
 from textile_twin_core.bench.plots.shaft import plot_shaft

@@ -1,4 +1,4 @@
-"""Error of the needle transfer's event times against the time for a run."""
+"""Plot of the error of the needle transfer's event times against run time."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from textile_twin_core.bench.plots import style
 from textile_twin_core.bench.plots.labels import Annotation, place_labels
 
 FLOOR_S = 1e-18
-"""Errors below are drawn here: half a unit in the last place of the event times."""
+"""Lower bound of drawn errors: half a unit in the last place of the event times."""
 _OTHER_COLOURS = (style.LIMIT, style.COMPILED, style.OTHERS)
 
 
 def plot_impacts(rows: Sequence[ImpactRow], path: Path) -> None:
-    """Draw the rows into a PNG: one line a method, its settings named at the points."""
+    """Draw the rows into a PNG: one line per method, with its settings at the points."""
     methods = list(dict.fromkeys(row.method for row in rows))
     others = iter(_OTHER_COLOURS)
     figure = style.new_figure(10.0, 6.0)

@@ -1,4 +1,4 @@
-"""Names beside points so that none covers another, a point or a line: each takes the best of the places around it."""
+"""Placement of names beside points, without covering each other, a point or a line."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ _DIRECTIONS = 24
 _SWEEPS = 3
 _MARKER, _GAP, _LEADER_FROM, _CROWD = 14.0, 2.0, 16.0, 40.0
 _COVERED, _CROSSED, _GRAZED = 1e4, 150.0, 40.0
-"""Pixels that a name would rather go further away than cover something, cross a name's line, graze a point."""
+"""Costs in pixels of distance: covering something, crossing the line of a name, touching a point."""
 
 
 @dataclass(frozen=True)
 class Annotation:
-    """A name for the point (x, y), in the axes' data."""
+    """Name for the point (x, y), in data coordinates."""
 
     x: float
     y: float
@@ -33,7 +33,7 @@ class Annotation:
 
 @dataclass(frozen=True)
 class Box:
-    """A rectangle in pixels."""
+    """Rectangle in pixels."""
 
     left: float
     bottom: float
@@ -42,25 +42,25 @@ class Box:
 
     @classmethod
     def around(cls, x: float, y: float, width: float, height: float) -> Box:
-        """The rectangle of this size about its centre."""
+        """Create the rectangle of this size about its centre."""
         return cls(x - width / 2.0, y - height / 2.0, x + width / 2.0, y + height / 2.0)
 
     def padded(self, by: float) -> Box:
-        """The rectangle with so much more on every side."""
+        """Return the rectangle enlarged by `by` on every side."""
         return Box(self.left - by, self.bottom - by, self.right + by, self.top + by)
 
     def overlaps(self, other: Box) -> bool:
-        """Whether the two share an area."""
+        """Return true if the two share an area."""
         return (
             self.left < other.right and other.left < self.right and self.bottom < other.top and other.bottom < self.top
         )
 
     def nearest(self, x: float, y: float) -> Place:
-        """Its point nearest to (x, y)."""
+        """Return its point nearest to (x, y)."""
         return min(max(x, self.left), self.right), min(max(y, self.bottom), self.top)
 
     def meets(self, start: Place, end: Place) -> bool:
-        """Whether a straight line runs through it."""
+        """Return true if a straight line runs through it."""
         if max(start[0], end[0]) < self.left or min(start[0], end[0]) > self.right:
             return False
         if max(start[1], end[1]) < self.bottom or min(start[1], end[1]) > self.top:
@@ -71,7 +71,7 @@ class Box:
 
 @dataclass(frozen=True)
 class _Spot:
-    """Where a name may stand: its box, and the line that leads to its point."""
+    """Candidate place of a name: its box, and the line that leads to its point."""
 
     box: Box
     start: Place
@@ -86,15 +86,15 @@ def place_labels(
     lines: Sequence[Sequence[Place]] = (),
     nameless: Sequence[Place] = (),
 ) -> list[Box]:
-    """Write the labels and return their boxes in pixels. The axes' limits must be final.
+    """Write the labels and return their boxes in pixels. The limits of the axes must be final.
 
-    `lines` are polylines, `nameless` further points, in data, that names should not cover. Names further away get a
-    thin line to their point. The same labels always get the same places: each in turn takes the cheapest one, given
-    where the others stand.
+    `lines` are polylines and `nameless` further points, in data coordinates, that names should not cover.
+    Distant names get
+    a thin line to their point. The placement is deterministic and greedy: each name in turn takes the cheapest place.
     """
     figure = axes.get_figure()
     assert isinstance(figure, Figure)
-    figure.draw_without_rendering()  # lays the figure out, so that pixels are final
+    figure.draw_without_rendering()  # lays out the figure, so that pixels are final
     points = [_pixel(axes, (label.x, label.y)) for label in labels]
     more = [_pixel(axes, place) for place in nameless]
     tracks = [track for line in lines for track in pairwise([_pixel(axes, place) for place in line])]
@@ -134,7 +134,7 @@ def _cheapest(
     tracks: list[tuple[Place, Place]],
     frame: Box,
 ) -> _Spot:
-    """The spot of the least cost; a cost is never less than the distance, and the spots come nearest first."""
+    """Return the spot of least cost; costs are at least the distance, and spots are sorted by distance."""
     best, least = None, math.inf
     for spot in places:
         if spot.distance >= least:
@@ -147,7 +147,7 @@ def _cheapest(
 
 
 def _spots(point: Place, width: float, height: float, crowded: bool) -> Iterator[_Spot]:
-    """Boxes all around the point, the nearest first and to the right first."""
+    """Return boxes around the point, the nearest first and to the right first."""
     x, y = point
     for distance in _DISTANCES:
         for k in range(_DIRECTIONS):
@@ -171,7 +171,7 @@ def _cost(
             cost += _CROSSED * (other.leads and _cross(spot.start, spot.end, other.start, other.end))
     reach = math.dist(spot.start, spot.end)
     for x, y in around:
-        cost += _GRAZED * (math.dist((x, y), box.nearest(x, y)) < reach)  # it would seem to be that one's name
+        cost += _GRAZED * (math.dist((x, y), box.nearest(x, y)) < reach)  # the name would seem to belong to that point
         cost += _COVERED * box.overlaps(Box.around(x, y, _MARKER, _MARKER))
         cost += _GRAZED * (spot.leads and Box.around(x, y, _MARKER / 2.0, _MARKER / 2.0).meets(spot.start, spot.end))
     for start, end in tracks:
@@ -181,7 +181,7 @@ def _cost(
 
 
 def _cross(a: Place, b: Place, c: Place, d: Place) -> bool:
-    """Whether the straight lines a-b and c-d meet."""
+    """Return true if the segments a-b and c-d cross."""
     return _side(a, b, c) != _side(a, b, d) and _side(c, d, a) != _side(c, d, b)
 
 

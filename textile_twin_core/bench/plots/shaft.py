@@ -1,4 +1,4 @@
-"""Torque error of the shaft estimators against their latency and their cost."""
+"""Plot of the torque error of the shaft estimators against latency and cost."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _SHORTEST_S = 1.0 / RATE_HZ
 
 
 def plot_shaft(rows: Sequence[ShaftRow], path: Path) -> None:
-    """Draw the rows of the speed that has the most bits into a PNG: error against latency, error against cost."""
+    """Draw the rows of the speed with the most resolutions into a PNG: error against latency, error against cost."""
     speeds = {row.rpm: {r.bits for r in rows if r.rpm == row.rpm} for row in rows}
     rpm = max(speeds, key=lambda speed: len(speeds[speed]))
     shown = [row for row in rows if row.rpm == rpm and row.bits in DRAWN_BITS]
@@ -69,7 +69,7 @@ def _draw(axes: Axes, points: Sequence[tuple[float, float]], kind: dict[str, obj
 
 
 def _reference(left: Axes, right: Axes, rows: Sequence[ShaftRow]) -> None:
-    """The error of who knows angle and speed, but no acceleration."""
+    """Draw the error with known angle and speed but without acceleration."""
     for axes in (left, right):
         axes.axhline(rows[0].torque_rms_over_peak, color=style.MUTED, linewidth=1.0, linestyle=(0, (4, 3)))
     left.annotate(

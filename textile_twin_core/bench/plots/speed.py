@@ -1,4 +1,4 @@
-"""The work-precision plot: error against time per sample, our methods beside the limit in C and their peers."""
+"""Work-precision plot: error against time per sample, for our methods, the limit in C and the peers."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from textile_twin_core.bench.ratios import COMPILED, RIGID_BODIES
 from textile_twin_core.bench.run import Row
 
 FLOOR = 1e-16
-"""About half a unit in the last place of a double: errors below are drawn here."""
+"""Lower bound of drawn errors: about half a unit in the last place of a double."""
 _ROOM = 1e-17
 _GROUPS = {
     "textile-twin": (style.OURS, "o", 10.0),
@@ -27,7 +27,9 @@ _GROUPS = {
 
 
 def plot_work_precision(rows: Sequence[Row], path: Path) -> None:
-    """Draw the torque's rows that have a batch time and an error into a PNG; a line joins the front of ours."""
+    """Draw the rows of the torque with a batch time and an error into a PNG; a line joins the Pareto front of
+    our methods.
+    """
     shown = [row for row in rows if row.outputs == "torque" and row.ns_per_sample and row.error_over_peak is not None]
     figure = style.new_figure(10.0, 6.0)
     axes = figure.add_subplot()
@@ -59,7 +61,7 @@ def plot_work_precision(rows: Sequence[Row], path: Path) -> None:
 
 
 def front(places: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Those (time, error) that none of the others beats in both, by falling error."""
+    """Return the Pareto-optimal pairs (time, error), by falling error."""
     kept = [a for a in places if not any(b[0] <= a[0] and b[1] <= a[1] and b != a for b in places)]
     return sorted(kept, key=lambda place: -place[1])
 
@@ -74,7 +76,7 @@ def _group(row: Row) -> str:
 
 
 def _compare_above(axes: Axes, exact: float) -> None:
-    """A second scale: the time as a multiple of our exact method's."""
+    """Add a second scale: time as a multiple of our exact method's."""
     top = axes.secondary_xaxis("top", functions=(lambda x: np.asarray(x) / exact, lambda x: np.asarray(x) * exact))
     top.set_xlabel("times the time of our exact method", color=style.MUTED, fontsize=8)
     top.xaxis.set_major_formatter("{x:g}")
@@ -83,7 +85,7 @@ def _compare_above(axes: Axes, exact: float) -> None:
 
 
 def _limits(axes: Axes, points: Sequence[tuple[float, float]]) -> None:
-    """Room for names around the points, and a floor with nothing below it."""
+    """Set the limits with space for names around the points, and a floor."""
     times, errors = zip(*points, strict=True)
     axes.set_xlim(min(times) / 4.0, max(times) * 5.0)
     axes.set_ylim(_ROOM, max(max(errors) * 30.0, 1e-12))

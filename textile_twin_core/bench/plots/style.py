@@ -1,4 +1,4 @@
-"""What the bench's pictures have in common: colours, axes, and how they are written."""
+"""Common style of the benchmark's pictures: colours, axes, and writing of files."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ _DPI = 130
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """A white figure of this size in inches that lays itself out."""
+    """Create a white figure of this size in inches with automatic layout."""
     figure = Figure(figsize=(width, height), dpi=_DPI, layout="constrained", facecolor="white")
     FigureCanvasAgg(figure)
     return figure
 
 
 def dress(axes: Axes, x: str, y: str) -> None:
-    """Logarithmic axes with their names, a quiet grid and no frame above and right."""
+    """Set logarithmic axes with their names, a light grid and no frame above and right."""
     axes.set(xscale="log", yscale="log", xlabel=x, ylabel=y)
     axes.grid(True, which="major", color=GRID, linewidth=0.8)
     axes.set_axisbelow(True)
@@ -31,5 +31,5 @@ def dress(axes: Axes, x: str, y: str) -> None:
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write the figure as a PNG, whatever the path is called."""
+    """Write the figure as PNG, for any suffix of the path."""
     figure.savefig(path, dpi=_DPI, format="png")
