@@ -1,4 +1,4 @@
-"""Bring-up without a ROS installation: starts programs side by side, watches them, ends them together."""
+"""Bring-up without a ROS installation: starts programs side by side, watches them, and ends them together."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from types import FrameType
 from this_computer import this_computer_alone
 
 PATIENCE_S = 10.0
-"""How long a program may take to end by itself before it is killed."""
+"""Time for a program to end before it is killed [s]."""
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""Signals that end all."""
+"""Signals that end all programs."""
 REVIVAL_S, SHORT_LIFE_S = 1.0, 10.0
-"""Pause before a program is started again, and how long it must have lived: what dies at once would do so again."""
+"""Pause before a restart, and least lifetime for one, since a program that dies at once would do so again [s]."""
 
 
 class Program:
-    """One running program: its name, its process, and the file that takes what it prints, if any.
+    """Running program: its name, its process, and the file for its output, if any.
 
-    It runs in a session of its own, so that Ctrl-C reaches it only through us.
+    It runs in a session of its own, so that Ctrl-C reaches it only through this supervisor.
     """
 
     def __init__(self, command: Sequence[str], log_folder: Path | None, taken: set[str]) -> None:
@@ -40,7 +40,7 @@ class Program:
         self.start()
 
     def start(self) -> None:
-        """Start it, also once more."""
+        """Start or restart the program."""
         self._started_s = time.monotonic()
         with ExitStack() as opened:
             self.process = subprocess.Popen(
@@ -52,12 +52,12 @@ class Program:
                 preexec_fn=follow_parent_to_the_end,
             )
 
-    def was_struck_down(self) -> bool:
-        """Whether a signal ended it, which none of our nodes lets happen, and not as soon as it had started."""
+    def was_killed(self) -> bool:
+        """Return true if a signal killed it, other than at its start; our nodes handle the usual signals themselves."""
         return self.process.returncode < 0 and time.monotonic() - self._started_s > SHORT_LIFE_S
 
     def obituary(self, lines: int = 15) -> str:
-        """How the program ended, and the last lines that it printed."""
+        """Describe how the program ended, with the last lines of its output."""
         code = self.process.returncode
         how = f"on signal {signal.Signals(-code).name}" if code < 0 else f"with exit code {code}"
         if self.log is None:
@@ -67,15 +67,15 @@ class Program:
 
 
 def follow_parent_to_the_end() -> None:
-    """Asks Linux to end this process when the one that started it dies, even when that one is killed."""
+    """Ask Linux to end this process when its parent dies, even when the parent is killed."""
     signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
     pr_set_pdeathsig = 1
     ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGTERM)
 
 
 @contextmanager
-def held_back() -> Iterator[None]:
-    """Signals that end all wait meanwhile: what is just being started must be known, to be ended, too."""
+def deferred_signals() -> Iterator[None]:
+    """Defer the signals that end all, so that a program that is just starting is known and ended, too."""
     signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
     try:
         yield
@@ -84,7 +84,7 @@ def held_back() -> Iterator[None]:
 
 
 def stop(programs: Sequence[Program]) -> None:
-    """Ends the programs, one after the other in the order given: asked first, killed after `PATIENCE_S`."""
+    """End the programs in the given order: ask first, kill after `PATIENCE_S`."""
     for program in programs:
         for signal_number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
             if program.process.poll() is not None:
@@ -97,7 +97,7 @@ def stop(programs: Sequence[Program]) -> None:
 
 
 def split_commands(words: Sequence[str]) -> list[list[str]]:
-    """Splits `a -x --- b -y` into the commands `a -x` and `b -y`."""
+    """Split `a -x --- b -y` into the commands `a -x` and `b -y`."""
     commands: list[list[str]] = [[]]
     for word in words:
         if word == "---":
@@ -108,9 +108,9 @@ def split_commands(words: Sequence[str]) -> list[list[str]]:
 
 
 def watch(programs: Sequence[Program], until: str | None, essential: str | None) -> int:
-    """Waits until the program `until` or `essential` ends; without either, until any does. The exit code that tells.
+    """Wait until the program `until` or `essential` ends; without either, until any ends. Return the exit code.
 
-    Beside an essential one, a program that a signal ended is started again: out of memory, a crash of a library.
+    Beside an essential program, others that are killed by a signal (out of memory, a crash of a library) restart.
     """
     running = list(programs)
     while running:
@@ -122,13 +122,13 @@ def watch(programs: Sequence[Program], until: str | None, essential: str | None)
                 return 0
             if code == 0 and (until is not None or essential not in (None, program.name)):
                 continue
-            # With exit code 2 a program has said itself, in a line for people, what is wrong.
+            # A program that ends with exit code 2 has reported the mistake itself, in one line.
             if code != 2 or program.log is not None:
                 print(program.obituary(), file=sys.stderr)
-            if essential not in (None, program.name) and program.was_struck_down():
+            if essential not in (None, program.name) and program.was_killed():
                 print(f"{program.name} is started again", file=sys.stderr)
                 time.sleep(REVIVAL_S)
-                with held_back():
+                with deferred_signals():
                     program.start()
                 running.append(program)
             if essential in (None, program.name):
@@ -143,13 +143,13 @@ def bring_up(
     until: str | None = None,
     essential: str | None = None,
 ) -> int:
-    """Starts commands side by side and ends them together; the exit code that tells how it ended.
+    """Start commands side by side and end them together; return the exit code.
 
     Args:
-        commands: a program with its arguments each.
-        logs: folder for what they print; otherwise it is shown.
-        until: end all when this program has ended.
-        essential: only the end of this one is the end of all; without it, a failure of any.
+        commands: Programs with their arguments.
+        logs: Folder for their output; shown on the terminal by default.
+        until: Program whose end ends all.
+        essential: Only program whose end ends all; without it, any failure does.
     """
 
     def interrupt(signal_number: int, _frame: FrameType | None) -> None:
@@ -162,7 +162,7 @@ def bring_up(
         if logs is not None:
             logs.mkdir(parents=True, exist_ok=True)
         for command in commands:
-            with held_back():
+            with deferred_signals():
                 programs.append(Program(command, logs, {program.name for program in programs}))
         return watch(programs, until, essential)
     except OSError as error:
@@ -175,7 +175,7 @@ def bring_up(
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs the programs named on the command line; see `--help`."""
+    """Run the programs named on the command line; see `--help`."""
     parser = argparse.ArgumentParser(
         description=__doc__,
         usage="bring_up.py [--alone] [--logs DIR] [--until NAME] [--essential NAME] -- COMMAND ARGS ... --- ...",

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Checks style, types and the order of the packages, without running anything: a few seconds.
+# Checks style, types and import contracts without running the code: a few seconds.
 set -euo pipefail
 lock=requirements-tests.lock
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"

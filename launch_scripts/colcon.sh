@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Builds the nodes into the colcon workspace ros2_ws on a ROS installation. Ubuntu 24.04 and Debian 12 let nobody install
-# into the system's Python (PEP 668): what ROS does not bring goes into an environment beside it that sees all of ROS's.
+# Builds the nodes in the colcon workspace ros2_ws on a ROS installation. Ubuntu 24.04 and Debian 12 forbid installing into
+# the system's Python (PEP 668), so further packages go into an environment that includes the packages of ROS.
 set -euo pipefail
 root="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
 venv="$root/ros2_ws/.venv"
@@ -26,7 +26,7 @@ packages=("$root[files,view,plc]")
 echo "Installing what ROS does not bring into $venv ..." >&2
 "$venv/bin/python" -m pip install --quiet --disable-pip-version-check "${packages[@]}"
 
-# Run by this Python, colcon writes it into the first line of each node.
+# colcon writes the Python that runs it into the first line of each node.
 cd "$root/ros2_ws"
 "$venv/bin/python" -c 'import sys; from colcon_core.command import main; sys.exit(main())' build "$@"
 cat >&2 <<'NEXT'

@@ -31,20 +31,20 @@ find_python() {
     fail "Python 3.11 to 3.14 is needed, found $(python3 --version 2>&1 || true); install one, or name it: PYTHON=/path/to/python3.12 $0"
 }
 
-# What the environment is made of: it is brought up to date when one of these changes or when the folder has moved.
+# Inputs of the environment: it is updated when one of these changes or when the folder has moved.
 fingerprint() { # LOCK
     echo "$root" "$1"
     cat "$root"/{"$1",pyproject.toml} "$ros_package"/{setup.py,setup.cfg,pyproject.toml} | sha256sum
 }
 
-# An environment for the tests runs everything, so that demonstration and suite leave it as it is.
+# An environment for the tests includes everything, so demonstration and suite reuse it unchanged.
 is_made() {
     local made
     made="$(cat "$venv/.made_from" 2> /dev/null)" || return 1
     [ "$made" = "$(fingerprint "$lock")" ] || [ "$made" = "$(fingerprint requirements-tests.lock)" ]
 }
 
-# Shows how far pip has come when a person looks on; the words go to the log.
+# Shows the progress of pip on a terminal; its output goes to the log.
 count_packages() {
     local total count=0 line
     total="$(grep -c '==' "$root/$lock")"

@@ -15,7 +15,7 @@ cd "$root"
 played=bags/tufting_160rpm_synthetic # also in demo.yaml
 rm -rf out/demo
 mkdir -p out/demo
-# Nobody else's nodes join in: this computer only, and a domain of our own, beyond those up to 101 that others choose.
+# Isolate the nodes: this computer only, and a ROS domain above 101, the largest one in common use.
 export ROS_DOMAIN_ID="$((215 + $$ % 16))" ROS_LOG_DIR="$root/out/demo/log/ros"
 
 echo "Playing $played at $rate times its speed through replay_node, twin_node and record_node ..."
@@ -26,7 +26,7 @@ for node in record_node twin_node replay_node; do
 done
 "$venv/bin/python" launch_scripts/bring_up.py --alone --logs out/demo/log --until record_node -- "${programs[@]}" -p "rate:=$rate"
 
-# The check and the comparison read the same recording, each on a processor of its own.
+# The check and the comparison read the same recording in parallel.
 "$venv/bin/textile-twin" compare out/demo/bag --machine tufting --predicted recorded --json out/demo/comparison.json \
     --rrd out/demo/comparison.rrd --png out/demo/comparison.png > out/demo/comparison.txt &
 comparing=$!

@@ -1,4 +1,4 @@
-"""The proof that the demonstration's nodes lost nothing and computed what the engine computes from the same bag."""
+"""Check that the demonstration's nodes lost no sample and agree with the engine on the same bag."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from textile_twin_core.recordings import AngleSamples, TorqueSamples, open_bag
 
 ANGLE, MEASURED, PREDICTED = "main_shaft/angle", "balancing_torque/measured", "balancing_torque/predicted"
 AGREEMENT = 1e-9
-"""How far the nodes' torque may be from the one computed here, over its peak."""
+"""Largest difference between the torque of the nodes and that computed here, over the peak."""
 
 
 def predict(machine: str, angles: AngleSamples) -> tuple[FloatArray | IntArray, FloatArray]:
-    """Stamps [ns] and balancing torque [N m] from a recording's angles, by the estimator that the node has."""
+    """Return stamps [ns] and balancing torque [N m] from the angles of a recording, by the estimator of the node."""
     session = ttc.compile(ttc.machines.create(machine), outputs=["balancing_torque_Nm"]).session(shaft="causal")
     samples = session.step(angles.stamps, angles.angles_rad, angles.velocities)
     return samples.stamps, samples["balancing_torque_Nm"]
 
 
 def difference(published: TorqueSamples, stamps: FloatArray | IntArray, torque_Nm: FloatArray) -> float:
-    """Largest difference of the published torque from the one computed here, over the peak; inf where stamps differ."""
+    """Return the largest difference of published and computed torque over the peak; inf if stamps differ."""
     if not np.array_equal(published.stamps, stamps):
         return np.inf
     return float(np.max(np.abs(published.torque_Nm - torque_Nm)) / np.max(np.abs(torque_Nm)))
 
 
 def check(played_path: Path, recorded_path: Path, machine: str) -> int:
-    """Print what was played, recorded and computed; returns 1 when something was lost or differs."""
+    """Print what was played, recorded and computed; return 1 if samples are lost or differ."""
     played, recorded = open_bag(played_path), open_bag(recorded_path)
     angles, published = played.read_angles(ANGLE), recorded.read_torques(PREDICTED)
     stamps, torque_Nm = predict(machine, angles)
@@ -57,7 +57,7 @@ def check(played_path: Path, recorded_path: Path, machine: str) -> int:
 
 
 def main() -> int:
-    """Check what is named on the command line."""
+    """Check the recordings named on the command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("played", type=Path, help="the recording that was played")
     parser.add_argument("recorded", type=Path, help="what was recorded of it and of the nodes")

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Writes the lock files anew from pyproject.toml: one version of each dependency for Python 3.11 to 3.14, with hashes.
+# Regenerates the lock files from pyproject.toml: one version of each dependency for Python 3.11 to 3.14, with hashes.
 # requirements.lock is what demonstration and suite run with; requirements-tests.lock the same with what tests and the docs
 # site need; requirements-peers.lock what the bench compares with.
 set -euo pipefail

@@ -1,4 +1,4 @@
-"""An SROS2 policy for the suite of one machine: what each of its nodes may publish, hear and offer."""
+"""SROS2 policy for the suite of one machine: topics and services of each of its nodes."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ LIFECYCLE = ("change_state", "get_available_states", "get_available_transitions"
 
 @dataclass(frozen=True)
 class Rights:
-    """What one node does beside what every node does: topics by name in its namespace, its own services."""
+    """Rights of one node beyond those of every node: topics by name in its namespace, and its own services."""
 
     publish: Sequence[str] = ()
     subscribe: Sequence[str] = ()
@@ -57,7 +57,9 @@ RIGHTS = {
 
 
 def policy(name: str) -> str:
-    """The policy of the machine in the namespace of this name, as SROS2 takes it (policy.xsd, version 0.2.0)."""
+    """Return the policy of the machine in the namespace of this name, in the format of SROS2 (policy.xsd,
+    version 0.2.0).
+    """
     root = ElementTree.Element("policy", version="0.2.0")
     enclave = ElementTree.SubElement(ElementTree.SubElement(root, "enclaves"), "enclave", path=f"/{name}")
     profiles = ElementTree.SubElement(enclave, "profiles")
@@ -78,7 +80,7 @@ def _rule(profile: ElementTree.Element, kind: str, allowed: dict[str, str], name
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print it."""
+    """Print the policy."""
     parser = argparse.ArgumentParser(
         PROGRAM, description=DESCRIPTION, formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False
     )

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Prints a systemd unit that starts the suite of one machine with the computer; --help tells how to put it in place.
+# Prints a systemd unit that starts the suite of one machine with the computer; see --help for its installation.
 set -euo pipefail
 
 if [ $# -eq 0 ] || [[ "$1" == -* ]]; then
@@ -21,7 +21,7 @@ name="$1"
 [[ "$name" =~ ^[A-Za-z][A-Za-z0-9_]*$ ]] || fail "NAME must be a ROS namespace such as loom_3, not '$name'"
 machine="${2:-tufting}"
 if [ -e "$machine" ]; then machine="$(realpath "$machine")"; fi
-# The same check as when it starts: a mistake is told now and not in a log.
+# The same check as at the start, so that a mistake is reported now and not in a log.
 "$venv/bin/python" "$root/launch_scripts/suite.py" --check "$machine" "${@:3}" -r "__ns:=/$name"
 
 quoted=""

@@ -1,4 +1,6 @@
-"""Starts the suite beside a machine, without a ROS installation: twin, recording, live view, if wanted the machine."""
+"""Start of the suite beside a machine, without a ROS installation: twin, recording, live view and, on request,
+the machine.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,7 @@ from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 
-signal.signal(signal.SIGINT, signal.SIG_DFL)  # until something runs, Ctrl-C is an end without words
+signal.signal(signal.SIGINT, signal.SIG_DFL)  # before any program runs, Ctrl-C ends this script without a message
 from bring_up import bring_up  # noqa: E402
 from this_computer import RANGE, asked_for, this_computer_alone  # noqa: E402
 
@@ -31,21 +33,21 @@ ROS ARGUMENTS go to every node that they concern; a parameter for one node alone
 
 
 def declared(node: str) -> dict[str, object]:
-    """The parameters of a node, with their defaults."""
+    """Return the parameters of a node with their defaults."""
     module = import_module(f"textile_twin_ros.{node}")
     declaration = getattr(module, f"{node.removesuffix('_node').capitalize()}Parameters")
     return {field.name: field.default for field in dataclasses.fields(declaration)}
 
 
 class Arguments:
-    """What each node is told: parameters to those that have them, all else to all.
+    """Arguments of each node: parameters go to the nodes that declare them, everything else to all nodes.
 
     Args:
-        nodes: the nodes that are started.
+        nodes: Nodes to start.
         words: ROS arguments as written, without --ros-args.
 
     Raises:
-        TwinError: a parameter or node that does not exist.
+        TwinError: A parameter or node does not exist.
     """
 
     def __init__(self, nodes: Sequence[str], words: Sequence[str]) -> None:
@@ -61,7 +63,7 @@ class Arguments:
                 self._to_all(word)
 
     def of(self, node: str, **defaults: str) -> list[str]:
-        """The node's words; the defaults, which come first, hold unless another value is given."""
+        """Return the arguments of a node, preceded by the defaults, which apply unless another value is given."""
         words = [word for name, value in defaults.items() for word in ("-p", f"{name}:={value}")]
         return ["--ros-args", *words, *self._told[node]]
 
@@ -88,12 +90,12 @@ class Arguments:
             hint = f"did you mean '{nearest[0]}'?" if nearest else f"there are {', '.join(sorted(known))}"
             raise TwinError(f"-p {text}: no parameter '{own}'; {hint}")
         for taker in takers or self._parameters:
-            # A node in a namespace has another full name: only without its name is the parameter its own.
+            # In a namespace the node has another full name, so the parameter is given without the node name.
             self._told[taker] += ["-p", f"{own}:={value}"]
 
 
 def commands(arguments: Sequence[str]) -> list[list[str]]:
-    """The programs to start, the twin first."""
+    """Return the programs to start, the twin first."""
     parser = argparse.ArgumentParser(
         PROGRAM,
         usage=f"launch_scripts/{PROGRAM} [MACHINE] [--shaft simulated] [ROS ARGUMENTS ...]",
@@ -107,7 +109,7 @@ def commands(arguments: Sequence[str]) -> list[list[str]]:
     )
     options, words = parser.parse_known_args(arguments)
     machine = words.pop(0) if words and not words[0].startswith("-") else "tufting"
-    load_machine(machine)  # a mistake ends it here, before anything runs or is recorded
+    load_machine(machine)  # a mistake ends the script here, before anything runs or is recorded
     nodes = NODES if options.shaft == "simulated" else NODES[:3]
     told = Arguments(nodes, words)
     defaults = {node: {"machine": machine} for node in nodes} | {"record_node": {"folder": "out/recordings"}}
@@ -116,7 +118,7 @@ def commands(arguments: Sequence[str]) -> list[list[str]]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Start all; the exit code tells how it ended."""
+    """Start all programs, and return the exit code."""
     try:
         programs = commands(sys.argv[1:] if arguments is None else arguments)
     except TwinError as error:

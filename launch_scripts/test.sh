@@ -6,8 +6,8 @@ lock=requirements-tests.lock
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 cd "$root"
 
-# What some tests draw with, where we may install it; they skip elsewhere, with the reason. The viewer draws without a
-# screen or a graphics card where Mesa's software Vulkan is, the design page is used in a real Chromium.
+# Installs the drawing packages of some tests if permitted; these tests skip otherwise, with the reason. The viewer draws
+# without a display or a graphics card by Mesa's software Vulkan, and the design page runs in Chromium.
 offer() { # WHAT-FOR PACKAGE..
     echo "Installing ${*:2}, $1 ..." >&2
     install() { apt-get install -y -qq --no-install-recommends "$@" > /dev/null 2>&1; }
@@ -21,15 +21,15 @@ if [ "$(id -u)" = 0 ] && command -v apt-get > /dev/null; then
         offer "to use the design page in a browser" chromium chromium-driver
 fi
 
-# Nothing of the person's own settings reaches the tests, and nothing of the tests reaches the network.
+# Isolate the tests from the user's settings and from the network.
 scratch="$(mktemp -d)"
 trap 'rm -rf "$scratch"' EXIT
 export HOME="$scratch" ROS_LOG_DIR="$scratch/ros_log" ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_PYTHON_CHECK_FIELDS=1
 export PATH="$venv/bin:$PATH" MPLBACKEND=agg
-# Loops that one test has compiled are ready for the next, and for the next run.
+# Compiled loops are cached for the other tests and for the next run.
 export TEXTILE_TWIN_CACHE_DIR="${TEXTILE_TWIN_CACHE_DIR:-$root/out/compiled}"
 
-# What most tests wait for is compiled beside the checks: the shaft's estimators and the contact of the needle transfer.
+# The loops that most tests need, of shaft estimators and contact, compile in parallel with the checks.
 "$venv/bin/python" - > /dev/null 2>&1 <<'COMPILE' &
 import numpy as np
 import textile_twin_core as ttc
@@ -44,5 +44,5 @@ compiling=$!
 
 launch_scripts/checks.sh
 wait "$compiling" || true
-# Side by side on all processors, but for what tests/conftest.py keeps in one row.
+# Tests run in parallel on all processors, except those that tests/conftest.py puts in one group.
 python -m pytest -n auto "$@"

@@ -1,4 +1,4 @@
-"""Keeps nodes to this computer: the environment in which they hear each other over its loopback interface alone."""
+"""Environment that restricts nodes to this computer: they communicate over its loopback interface only."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from pathlib import Path
 
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
-"""Where Fast DDS 2 and 3 find their settings; each node of ROS with Fast DDS 3 complains of the first."""
+"""Variables with the settings of Fast DDS 2 and 3; nodes with Fast DDS 3 warn about the first one."""
 
 
 def this_computer_alone() -> dict[str, str]:
-    """The environment in which nodes hear each other on this computer, and what a killed one leaves disturbs none.
+    """Return the environment in which nodes communicate on this computer, unaffected by leftovers of killed nodes.
 
-    The discovery range LOCALHOST itself would have Fast DDS use shared memory, whatever its settings say;
-    SYSTEM_DEFAULT leaves it to these settings, SUBNET is for other computers.
+    The discovery range LOCALHOST would make Fast DDS use shared memory in spite of its settings. SYSTEM_DEFAULT applies
+    these settings, and SUBNET is for other computers.
     """
     settings = str(Path(__file__).with_name("this_computer.xml"))
-    has_second = any((Path(sys.prefix) / "lib").glob("libfastrtps.so*"))  # the third is libfastdds
+    has_second = any((Path(sys.prefix) / "lib").glob("libfastrtps.so*"))  # version 3 is named libfastdds
     return {RANGE: "SYSTEM_DEFAULT", _PROFILES[0 if has_second else 1]: settings}
 
 
 def asked_for(environment: Mapping[str, str]) -> bool:
-    """Whether nodes are to keep to this computer: unless a range or settings of Fast DDS say otherwise."""
+    """Return true if nodes are to stay on this computer: no discovery range or Fast DDS settings are given."""
     return environment.get(RANGE, "LOCALHOST") == "LOCALHOST" and not environment.keys() & set(_PROFILES)

@@ -1,4 +1,4 @@
-"""The bench on the tufting machine: its rows, their errors, the limit in C, and the peers that are installed here."""
+"""Benchmark on the tufting machine: its rows, their errors, the limit in C, and the installed peers."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ def test_errors_are_relative_to_the_peak() -> None:
 
 
 def test_results_stay_where_peers_left_them() -> None:
-    """What one candidate computed is not touched by the next ones: they share a process."""
+    """Check that later candidates do not overwrite the results of earlier ones in the same process."""
     scene = scenes(ttc.machines.tufting(), 2000)[0]
     candidates = peer_candidates(scene)
     before = [c.result() for c in candidates if c.result is not None]

@@ -1,4 +1,4 @@
-"""The front of error against time that the plot joins."""
+"""Pareto front of error against time in the plot."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The bench of impacts: its stored reference against 30 digits, and what the methods reach against it."""
+"""Benchmark of impacts: its stored reference against 30 digits, and the methods against the reference."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def test_the_table() -> None:
     by_method = {method: [row.error_s for row in rows if row.method == method] for method in methods}
     assert by_method[EVENT_DRIVEN][-1] < 2e-15
     for method, errors in by_method.items():
-        if method != EVENT_DRIVEN:  # ours reaches rounding two settings before its last
+        if method != EVENT_DRIVEN:  # ours reaches rounding error two settings before its last
             assert errors == sorted(errors, reverse=True)
     assert 1e-7 < by_method[PENALTY][-1] < 1e-5
     table = impact_lines(rows)

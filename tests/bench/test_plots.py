@@ -1,4 +1,4 @@
-"""Pictures of the bench: rendered, with our methods in them, and no name upon another."""
+"""Pictures of the benchmark: rendered, with our methods, and without overlapping names."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ CROWD = {
     "pinocchio, projection": (3.0e5, 4.7e-15), "mujoco, projection": (3.7e5, 5.1e-15),
     "mujoco, soft loop": (3.5e5, 2.3e-3), "drake, projection": (5.1e5, 5.1e-15), "exudyn, steps": (1.6e5, 9.5e-7),
 }  # fmt: skip
-"""Methods as they stand in a run with all peers: eight of them within a quarter of a decade."""
+"""Methods of a run with all peers: eight of them within a quarter of a decade."""
 
 
 def _share(path: Path, colour: str) -> float:
-    """Share of the picture's pixels in about this colour."""
+    """Return the share of the picture's pixels in about this colour."""
     pixels = matplotlib.image.imread(path)
     assert pixels.shape[0] > 400 and pixels.shape[1] > 800
     return float(np.mean(np.abs(pixels[..., :3] - to_rgb(colour)).max(axis=-1) < 0.1))

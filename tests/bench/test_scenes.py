@@ -1,4 +1,4 @@
-"""Scenes of the bench: what they ask for, and an error that hides nothing."""
+"""Scenes of the benchmark: their outputs, and an error that hides nothing."""
 
 from __future__ import annotations
 

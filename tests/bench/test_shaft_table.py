@@ -1,4 +1,4 @@
-"""The bench of the shaft estimators: its signal, its judge, and what it finds on short records."""
+"""Benchmark of the shaft estimators: its signal, its evaluation, and its result on short records."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(5)
 
 @pytest.mark.parametrize("load", LOADS)
 def test_speed_and_acceleration_are_derivatives(load: str) -> None:
-    """By Gauss quadrature from sample to sample; between knocks, at which the acceleration leaps."""
+    """Check by Gauss quadrature from sample to sample, between shocks, where the acceleration is continuous."""
     motion = encoder_signal(3, SPEED, 16, load, 4.0).motion
     edges = np.unique(np.concatenate([np.arange(0.0, 4.0, 2e-3), motion.knocks_s]))
     half, middle = np.diff(edges) / 2.0, (edges[1:] + edges[:-1]) / 2.0
@@ -82,7 +82,7 @@ def test_the_conditions_cover_bits_speeds_and_loads() -> None:
 
 
 def test_a_short_table() -> None:
-    """Without acceleration the error is 0.0325 N m on this signal; an estimator must do far better."""
+    """Require errors far below 0.0325 N m, the error without acceleration on this signal."""
     machine = ttc.machines.tufting()
     wanted = [
         (Condition(16, SPEED, STEADY), ("causal", "lag 40 ms", "smooth")),

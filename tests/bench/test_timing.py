@@ -1,4 +1,4 @@
-"""Timing of the bench: one core while it lasts, every round kept, ratios that a slow round does not touch."""
+"""Timing of the benchmark: one core throughout, every round stored, ratios independent of slow rounds."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_a_system_that_pins_nothing_is_timed_all_the_same(monkeypatch: pytest.Mo
     assert heading(bench_core(), 3).startswith("wall time on any core")
 
 
-def test_every_round_is_kept_and_candidates_take_turns() -> None:
+def test_every_round_is_stored_and_candidates_take_turns() -> None:
     calls: list[str] = []
     ways = [Candidate(name, None, lambda name=name: calls.append(name), samples=2) for name in "ab"]  # type: ignore[misc]
     heard: list[int] = []
@@ -54,7 +54,7 @@ def test_every_round_is_kept_and_candidates_take_turns() -> None:
 
 
 def test_a_ratio_is_taken_round_by_round() -> None:
-    """In the second round the computer was ten times slower: the ratio of the medians would be 30/2."""
+    """Make the computer ten times slower in the second round: the ratio of the medians would be 30/2."""
     found = ratio("a", "b", [3.0, 30.0, 33.0], [1.0, 10.0, 2.0])
     assert (found.quartile_1, found.median, found.quartile_3) == (3.0, 3.0, 9.75)
 

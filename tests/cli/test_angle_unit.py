@@ -1,4 +1,6 @@
-"""An angle that is not in radians is told of by every command, torque or not, and mended by one option."""
+"""An angle in another unit than radians: reported by every command, with or without torque, and corrected by one
+option.
+"""
 
 from __future__ import annotations
 
@@ -65,7 +67,7 @@ def test_a_dead_torque_sensor_does_not_hide_it(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "c.json").read_text())["notes"][-1] == SAID
 
 
-def test_monitor_tells_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_monitor_reports_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bag = write(tmp_path / "deg", torque=True)
     main(["monitor", str(bag), "--machine", "tufting", "--learn", "5"])
     assert SAID in capsys.readouterr().out
@@ -73,6 +75,6 @@ def test_monitor_tells_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     assert "degrees" not in capsys.readouterr().out
 
 
-def test_what_is_no_unit_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unknown_unit_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["compare", str(tmp_path), "--machine", "tufting", "--angle-unit", "degrees"]) == 2
     assert "must be rad, deg, rev, gon, or the counts of a turn, not 'degrees'" in capsys.readouterr().err

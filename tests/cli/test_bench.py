@@ -1,4 +1,4 @@
-"""textile-twin bench: its tables, files and pictures on small work, and every way to ask wrongly."""
+"""textile-twin bench: tables, files and pictures on a small workload, and mistakes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ KEYS = {"rows", "ratios", "growth", "shaft", "impacts"}
 
 @pytest.fixture
 def little_work(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same tables on fewer samples, sizes and conditions."""
+    """Reduce the samples, sizes and conditions of all tables."""
     make: Callable[..., tuple[scenes.Scene, ...]] = scenes.scenes
     monkeypatch.setattr(run, "scenes", lambda machine, samples: make(machine, 2000)[:2])
     monkeypatch.setattr("textile_twin_core.bench.own_methods.TOLERANCES", (1e-6, 1e-13))

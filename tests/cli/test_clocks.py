@@ -1,4 +1,4 @@
-"""A clock that was set back in the middle of a recording is told as that, by every command, and what it costs."""
+"""A clock set back within a recording: reported by every command, with the discarded samples."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MADE = record(healthy("tufting", 931, duration_s=24.0))
 
 
 def set_back(stamps: Stamps, after_s: float, by_s: int = 3600) -> Stamps:
-    """By an hour, as in the night in which summer ends."""
+    """Set the clock back by an hour, as at the end of summer time."""
     late = (stamps - MADE.angle_stamps_ns[0]) * 1e-9 > after_s
     return stamps - late * by_s * 1_000_000_000
 
@@ -30,7 +30,7 @@ def both(after_s: float) -> MillRecording:
 def test_a_clock_that_was_set_back(
     after_s: float, code: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """What comes later is left out where it is the smaller part; where it is the larger, the user has to agree."""
+    """Check that the later samples are discarded if they are the smaller part; otherwise the user has to agree."""
     bag = write(tmp_path / "bag", both(after_s))
     at = int(np.argmin(np.diff(both(after_s).angle_stamps_ns))) + 1
     for command in (["compare"], ["monitor", "--learn", "5"], ["replay", "--out", str(tmp_path / "out")]):
@@ -41,7 +41,7 @@ def test_a_clock_that_was_set_back(
         assert said in told.err + told.out and told.err.count("\n") <= 2
 
 
-def test_what_is_left_out_of_a_clock_set_back_is_of_one_part(
+def test_discarded_samples_of_a_clock_set_back_are_of_one_part(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     bag = write(tmp_path / "bag", both(8.0))
@@ -61,10 +61,10 @@ def test_a_torque_whose_clock_was_set_back_alone(
 
 
 @pytest.mark.parametrize("which", ["torque", "angle", "both"])
-def test_a_clock_that_was_set_back_by_some_seconds_accuses_nobody(
+def test_a_clock_that_was_set_back_by_some_seconds_gives_no_verdict(
     which: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """As by a time server; the recording goes on beyond the time at which it was set back."""
+    """Set the clock back as a time server does; the recording continues beyond the time at which it was set back."""
     made = MADE
     if which != "angle":
         made = replace(made, torque_stamps_ns=set_back(MADE.torque_stamps_ns, 12.0, 3))
@@ -79,9 +79,7 @@ def test_a_clock_that_was_set_back_by_some_seconds_accuses_nobody(
     assert "a clock was set back" in capsys.readouterr().out
 
 
-def test_a_replay_leaves_out_torque_as_the_other_commands_do(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_replay_discards_torque_as_the_other_commands_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["--machine", "tufting", "--out", str(tmp_path / "out"), "--force"]
     assert main(["replay", str(write(tmp_path / "bag", both(8.0))), *arguments, "--skip-bad-samples"]) == 0
     told = capsys.readouterr()
@@ -93,9 +91,7 @@ def test_a_replay_leaves_out_torque_as_the_other_commands_do(
     assert "topic /balancing_torque/measured: a clock was set back" in capsys.readouterr().err
 
 
-def test_samples_that_come_in_another_order_are_no_clock_set_back(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_samples_out_of_order_are_not_a_clock_set_back(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     order = np.arange(MADE.angle.size)
     order[::10][:-1] += 2
     order[2::10][: order[::10].size - 1] -= 2

@@ -1,4 +1,4 @@
-"""Linkages that reach a dead point within the turn: told once, with the angle and what mends it."""
+"""Linkages with a dead point within the turn: reported once, with the angle and the remedy."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def write(folder: Path, crank: float, ground: float, group: str, more: str = "")
     ],
     ids=["parallelogram", "kite", "in line once a turn", "rod as long as the crank"],
 )
-def test_a_dead_point_is_told(
+def test_a_dead_point_is_reported(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
     crank: float,
@@ -66,7 +66,7 @@ def test_a_dead_point_is_told(
     ],
     ids=["one", "crossed", "within the half turn", "nearly"],
 )
-def test_what_passes_or_stays_away_is_not_told(
+def test_passing_and_distant_dead_points_are_not_reported(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], group: str, more: str
 ) -> None:
     path = write(tmp_path, 0.1, 0.3, group, more)
@@ -74,7 +74,7 @@ def test_what_passes_or_stays_away_is_not_told(
     assert capsys.readouterr().err == ""
 
 
-def test_the_machines_that_come_along_have_none(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_published_machines_have_none(capsys: pytest.CaptureFixture[str]) -> None:
     examples = sorted(map(str, (Path(__file__).parents[2] / "examples").glob("*.yaml")))
     assert len(examples) > 3
     for name in (*machines.NAMES, *examples):

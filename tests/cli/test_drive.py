@@ -1,4 +1,4 @@
-"""textile-twin drive: motion under a torque, by number and by table, and back through simulate."""
+"""textile-twin drive: motion under a torque, by number and by table, and the torque from that motion."""
 
 from __future__ import annotations
 
@@ -54,9 +54,7 @@ def test_mistakes_are_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str
 
 
 @pytest.mark.parametrize("rows", ["0,1\n1,nan\n2,3\n", "0,1\n2,1\n1,1\n", "0,1\n"])
-def test_a_table_of_torques_that_is_none_is_told_by_its_name(
-    rows: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_invalid_table_of_torques_is_named(rows: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     table, out = tmp_path / "odd.csv", tmp_path / "motion.csv"
     table.write_text(f"time_s,torque_Nm\n{rows}")
     assert main(["drive", "tufting", "--torque", str(table), "--time", "1", "--out", str(out)]) == 2
@@ -64,15 +62,15 @@ def test_a_table_of_torques_that_is_none_is_told_by_its_name(
     assert error.startswith(f"textile-twin: {table}: drive torque over time: ") and error.count("\n") == 1
 
 
-@pytest.mark.parametrize(("times", "told"), [((0.0, 0.1), False), ((0.0, 0.05), True), ((0.02, 0.1), True)])
-def test_a_table_that_does_not_reach_over_all_times_is_told(
-    times: tuple[float, float], told: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(("times", "reported"), [((0.0, 0.1), False), ((0.0, 0.05), True), ((0.02, 0.1), True)])
+def test_a_table_that_ends_too_early_is_an_error(
+    times: tuple[float, float], reported: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     table, out = tmp_path / "torque.csv", tmp_path / "motion.csv"
     table.write_text(f"time_s,torque_Nm\n{times[0]},1\n{times[1]},2\n")
     assert main(["drive", "handloom_beatup", "--torque", str(table), "--time", "0.1", "--out", str(out)]) == 0
     says = f"has the torque from {times[0]:g} to {times[1]:g} s; it is taken as constant before and after"
-    assert (says in capsys.readouterr().err) == told
+    assert (says in capsys.readouterr().err) == reported
 
 
 def test_the_table_of_torques_is_not_written_over(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -19,13 +19,13 @@ COMMAND = str(Path(sys.executable).with_name("textile-twin"))
 
 @pytest.mark.slow
 @pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
-def test_prints_its_address_serves_and_ends_when_told(ending: signal.Signals) -> None:
+def test_prints_its_address_serves_and_ends_on_a_signal(ending: signal.Signals) -> None:
     command = [COMMAND, "explore", "handloom_beatup", "--no-browser"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None and process.stderr is not None
         address = process.stdout.readline().strip()
         assert address.startswith("http://127.0.0.1:") and "token=" in address
-        with pytest.raises(HTTPError) as refused:  # without a cookie jar the door stays shut behind the token
+        with pytest.raises(HTTPError) as refused:  # without a cookie jar the page is refused after the redirect
             urlopen(address)
         assert refused.value.code == 403
         process.send_signal(ending)

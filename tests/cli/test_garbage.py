@@ -1,4 +1,4 @@
-"""Garbage in: one line that says what is wrong, exit code 2, and nothing written."""
+"""Invalid input: one line with the problem, exit code 2, and no output."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def test_a_cell_without_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
 
 
 def test_a_recording_with_flipped_bits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """What describes the messages may be damaged anywhere: the rest is read, or refused in a line or two."""
+    """Flip bits in the descriptions of the messages: the intact data are read, or refused in one or two lines."""
     whole, damaged, stamps = tmp_path / "whole", tmp_path / "damaged.mcap", np.arange(50) * 2_000_000 + 10**18
     with BagWriter(whole, {"place": "mill"}) as bag:
         bag.add_topic("main_shaft/angle", "sensor_msgs/msg/JointState")

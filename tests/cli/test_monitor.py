@@ -23,7 +23,7 @@ def write(path: Path, kind: str, size: float, seed: int) -> None:
 
 
 def alike(a: Any, b: Any) -> bool:
-    """The same but for the last digits, which are a compiler's: a process with much to do compiles, others do not."""
+    """Compare up to the last digits, which depend on compilation; a process compiles only if it has much to do."""
     if isinstance(a, dict):
         return a.keys() == b.keys() and all(alike(a[key], b[key]) for key in a)
     if isinstance(a, list):
@@ -84,7 +84,7 @@ def test_what_cannot_be_watched_is_one_line(tmp_path: Path, capsys: pytest.Captu
     assert "no such file" in capsys.readouterr().err
 
 
-def test_a_recording_that_cannot_be_watched_is_told_by_the_exit_code(
+def test_a_recording_that_cannot_be_watched_sets_the_exit_code(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     write(tmp_path / "healthy", "", 0.0, 991)
@@ -102,9 +102,7 @@ def test_a_recording_that_cannot_be_watched_is_told_by_the_exit_code(
     assert "1 alarm in 1 recording; 1 of 2 recordings could not be watched: spoilt.mcap" in err
 
 
-def test_of_a_recording_that_was_cut_off_is_told_that_it_was(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_truncated_recording_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write(tmp_path / "whole.mcap", "", 0.0, 991)
     written = (tmp_path / "whole.mcap").read_bytes()
     (tmp_path / "cut.mcap").write_bytes(written[: len(written) - 3000])
@@ -116,7 +114,9 @@ def test_of_a_recording_that_was_cut_off_is_told_that_it_was(
 
 
 def test_few_turns_to_learn_from_are_enough_to_be_alarmed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Fewer than the moving mean looks back on; and recordings of one name are told apart, each watched once."""
+    """Learn from fewer turns than the moving mean spans; recordings of the same name are distinguished and
+    watched once.
+    """
     for place, kind in (("old", ""), ("new", "friction")):
         (tmp_path / place).mkdir()
         write(tmp_path / place / "bag", kind, 1.2, 992)
@@ -132,7 +132,7 @@ def test_few_turns_to_learn_from_are_enough_to_be_alarmed(tmp_path: Path, capsys
     )
     assert "drive side: friction changed" in out and "RuntimeWarning" not in err
     at = re.search(r"alarm at ([0-9.]+) s", out)
-    assert at is not None and 18.0 < float(at[1]) < 22.0, out  # it set in at 18 s
+    assert at is not None and 18.0 < float(at[1]) < 22.0, out  # onset at 18 s
     assert set(parquet.read_table(table)["bag"].to_pylist()) == {f"{tmp_path}/{place}/bag" for place in ("old", "new")}
 
 

@@ -1,4 +1,4 @@
-"""Outputs that cannot be written are told before the work: of a recording that is not there not a word is lost."""
+"""Outputs that cannot be written are reported before the work, even if the recording is missing."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ COMMANDS = [
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
-def test_a_place_that_cannot_be_written_is_told_first(
+def test_a_place_that_cannot_be_written_is_reported_first(
     command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -40,7 +40,7 @@ def test_a_place_that_cannot_be_written_is_told_first(
 
 
 @pytest.mark.parametrize("command", [["recover"], ["replay", "--machine", "tufting"]], ids=" ".join)
-def test_a_recording_is_not_replaced_by_what_is_made_of_it(
+def test_a_recording_is_not_replaced_by_its_own_output(
     command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     bag = tmp_path / "bag"
@@ -52,7 +52,7 @@ def test_a_recording_is_not_replaced_by_what_is_made_of_it(
     assert (bag / "bag_0.mcap").read_bytes() == before
 
 
-def test_a_folder_in_the_place_of_a_file_is_told_first(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_folder_in_the_place_of_a_file_is_reported_first(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "out.json").mkdir()
     assert main(["identify", "gone", "--machine", "tufting", "--json", str(tmp_path / "out.json")]) == 2
     assert "a folder of that name exists; give the name of a file" in capsys.readouterr().err

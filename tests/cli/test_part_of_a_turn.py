@@ -1,4 +1,4 @@
-"""Machines that are declared for a part of the turn: every command keeps within it, or says what lies beyond."""
+"""Machines declared for a part of the turn: every command stays within it, or reports the excess."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ measures: [{type: arc, name: sley, link: l3, radius_m: 0.3}]
 
 
 def true_torque(theta: float, omega: float) -> float:
-    """Virtual work of inertia, weight and load at constant speed [N m], from the loop equation to fifty digits."""
+    """Compute the torque from inertia, weight and load by virtual work at constant speed [N m], to fifty digits."""
     t = four_bar(0.12, 0.05, 0.11, 0.1, theta, left=False)
     crank = 0.12 * mp.expj(theta)
     links = [(0, 0, 0, 0.12, theta, 1, 0, 1.0, 1e-3)]
@@ -57,7 +57,7 @@ def machine(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """A steady shaft within the range and the true torque."""
+    """Write a recording of a steady shaft within the range, with the true torque."""
     path = tmp_path_factory.mktemp("bag") / "steady"
     time = np.arange(320) / 100.0
     theta = LOW + 0.05 + SPEED * time
@@ -80,8 +80,10 @@ def test_compare_and_replay_agree_with_the_truth(machine: str, bag: str, tmp_pat
     assert np.abs(residual[50:]).max() < 1e-6 * found["peak_Nm"]
 
 
-def test_samples_beyond_the_part_are_told(machine: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """It closes where its crank's end is from 0.06 to 0.16 m away from C: at 45, 90, 270 and 315 of these angles."""
+def test_samples_beyond_the_part_are_reported(machine: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Check a linkage that closes where the end of its crank is 0.06 to 0.16 m from C: at 45, 90, 270 and 315
+    degrees.
+    """
     out = tmp_path / "turn.csv"
     assert main(["simulate", machine, "--rpm", "60", "--samples", "8", "--out", str(out)]) == 0
     rows = np.genfromtxt(out, delimiter=",", names=True)

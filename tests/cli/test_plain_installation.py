@@ -1,4 +1,4 @@
-"""The package without extras, in an environment of its own: what needs an extra says how to install it."""
+"""The package without extras, in an environment of its own: a missing extra is named with its installation command."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[2]
 
 
 def needed(name: str, found: dict[str, Distribution]) -> None:
-    """Gather a package and all that it needs without extras."""
+    """Collect a package and all its dependencies without extras."""
     if name.lower() in found:
         return
     found[name.lower()] = distribution(name)
@@ -32,7 +32,7 @@ def needed(name: str, found: dict[str, Distribution]) -> None:
 
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """An environment with a wheel of this checkout and what its metadata ask for, taken from here: no network."""
+    """Create an environment with a wheel of this checkout and its dependencies, copied from here without network."""
     folder = tmp_path_factory.mktemp("plain")
     copytree(ROOT / "textile_twin_core", folder / "source/textile_twin_core", ignore=ignore_patterns("__pycache__"))
     for name in ("pyproject.toml", "README.md", "LICENSE"):

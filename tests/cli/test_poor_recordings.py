@@ -1,4 +1,6 @@
-"""Recordings that tell little, at every command that judges one: clear words, an exit code, no fit pretended."""
+"""Recordings with little information, at every command that judges one: clear messages, an exit code, no
+invented fit.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,7 @@ def write(path: Path, made: MillRecording, torque: bool = True) -> Path:
 
 
 def between(made: MillRecording, *parts_s: tuple[float, float]) -> MillRecording:
-    """What was logged in these parts of the recording."""
+    """Return the samples logged in these parts of the recording."""
 
     def inside(stamps: Stamps) -> np.ndarray:
         second = (stamps - made.angle_stamps_ns[0]) * 1e-9
@@ -64,7 +66,7 @@ def test_what_cannot_be_judged_is_said_in_one_line(
         told = capsys.readouterr()
         assert not (tmp_path / "made.yaml").exists()
         if command == "compare" and name in ("still", "short"):
-            # Errors can be told of any two torques that lie side by side, a delay or a cause cannot.
+            # Errors are defined for any two torques, but a delay or a cause is not.
             found = json.loads((tmp_path / "found.json").read_text())
             assert code == 0 and found["verdict"] == [] and found["torque"]["delay_s"] == 0.0
             assert words[name] in told.out and "nothing can be told" in told.out and "clocks" not in told.out
@@ -73,7 +75,7 @@ def test_what_cannot_be_judged_is_said_in_one_line(
         assert told.err.count("\n") == 1 and words[name] in told.err, (name, told.err)
 
 
-def test_gaps_do_no_harm_and_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_gaps_do_no_harm_and_are_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bag = write(tmp_path / "gaps", between(record(CASE), (-1.0, 6.0), (7.0, 9.0), (9.6, 20.0)))
     assert run("compare", bag, tmp_path) == 0
     assert "gaps in the shaft angle" in capsys.readouterr().out
@@ -84,8 +86,10 @@ def test_gaps_do_no_harm_and_are_told(tmp_path: Path, capsys: pytest.CaptureFixt
     assert low - 2e-3 < 0.0 < high + 2e-3 and high - low < 0.01
 
 
-def test_a_controller_that_is_polled_is_told_of(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """It reads the encoder each 10 ms by its own clock and is asked at 100 Hz by another one, late at random."""
+def test_a_controller_that_is_polled_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Simulate a controller that reads the encoder every 10 ms and is polled at 100 Hz by another clock with
+    random delay.
+    """
     made, cycle_ns = record(CASE), 1.003e7
     first, last = made.angle_stamps_ns[[0, -1]]
     stamps = np.arange(first + 3e7, last, 1e7)

@@ -1,4 +1,4 @@
-"""Long work shows on a terminal how far it is, and nowhere else."""
+"""Progress of long work: shown on a terminal, and nowhere else."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ CODE = "import sys; from textile_twin_core.cli.main import main; sys.exit(main(s
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Twenty-four seconds."""
+    """Write a recording of twenty-four seconds."""
     return write(tmp_path_factory.mktemp("long") / "bag", 12_000)
 
 
 def write(path: Path, samples: int) -> Path:
-    """A recording at 500 Hz and one speed, with the needle's position."""
+    """Write a recording at 500 Hz and one speed, with the position of the needle."""
     stamps = 10**18 + 2_000_000 * np.arange(samples)
     theta = 16.755 * 0.002 * np.arange(stamps.size)
     twin = ttc.compile(ttc.machines.tufting(), ["balancing_torque_Nm", "needle_position_m"])
@@ -39,7 +39,7 @@ def write(path: Path, samples: int) -> Path:
 
 
 def shown(*arguments: str, answer: str | None = None, codes: tuple[int, ...] = (0,)) -> tuple[str, str]:
-    """What a command says, and what its terminal shows; `answer`: typed on the terminal where it speaks there, too."""
+    """Return the output of a command and of its terminal; `answer` is typed on that terminal."""
     terminal, theirs = pty.openpty()
     termios.tcsetwinsize(theirs, (24, 80))
     command = [sys.executable, "-c", CODE, *arguments]
@@ -68,7 +68,7 @@ def shown(*arguments: str, answer: str | None = None, codes: tuple[int, ...] = (
         ("monitor --machine tufting --learn 20", ["watching"], 100),
     ],
 )
-def test_a_recording_of_seconds_is_told_stage_by_stage(
+def test_a_recording_of_seconds_is_shown_stage_by_stage(
     command: str, expected: list[str], least: int, recording: Path, tmp_path: Path
 ) -> None:
     name, *options = command.format(out=tmp_path / "out").split()
@@ -84,7 +84,7 @@ def test_a_recording_of_seconds_is_told_stage_by_stage(
 
 @pytest.mark.slow
 def test_monitor_counts_the_samples_of_each_recording(recording: Path, tmp_path: Path) -> None:
-    """A recording of 20 turns beside one of 60, in this process and in two: the bar knows which is longer."""
+    """Monitor recordings of 20 and 60 turns in one process and in two: the bar weights them by length."""
     short = write(tmp_path / "a_short", 4000)
     for workers in ("1", "2"):
         options = ["--machine", "tufting", "--learn", "2", "--workers", workers]
@@ -95,7 +95,7 @@ def test_monitor_counts_the_samples_of_each_recording(recording: Path, tmp_path:
 
 
 @pytest.mark.slow
-def test_import_tells_how_far_it_is_and_asks_beside_its_bar(tmp_path: Path) -> None:
+def test_import_shows_progress_and_asks_beside_its_bar(tmp_path: Path) -> None:
     log = tmp_path / "log.csv"
     time = 0.002 * np.arange(200_000)
     table = np.stack([time, 16.755 * time % 6.2831853, np.sin(16.755 * time)], axis=1)

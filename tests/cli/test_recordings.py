@@ -1,4 +1,4 @@
-"""textile-twin replay, compare and recover on small recordings, and every bad recording as one line."""
+"""textile-twin replay, compare and recover on small recordings, and one line for every bad recording."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ AIR_HASH = "RIHS01_d3a9d7dea9cf966a0b6cc58d044a3ed787c0a8c2d2644c45c35f998bf4e02
 def _write(
     path: Path, change: dict[str, Any] | None = None, prefix: str = "", live: bool = False, angle: bool = True
 ) -> Path:
-    """A steady shaft, its wrapped angle, and the torque of the machine at the true angle, delayed and noisy."""
+    """Write a steady shaft, its wrapped angle, and the torque of the machine at the true angle, delayed and noisy."""
     n = RATE * SECONDS
     time = np.arange(n) / RATE
     stamps = EPOCH + np.rint(time * 1e9).astype(np.int64)
@@ -70,7 +70,7 @@ def test_replay_predicts_each_sample_with_its_stamp(bag: Path, replayed: Path) -
     angles, out = open_bag(bag).read_angles(), open_bag(replayed)
     predicted = out.read_torques("balancing_torque/predicted")
     np.testing.assert_array_equal(predicted.stamps, angles.stamps[2:])
-    # The same twin and estimator, sample by sample as a node feeds them.
+    # The same twin and estimator, sample by sample as in a node.
     session = ttc.compile(ttc.machines.tufting(), ["balancing_torque_Nm", "point_F_y_m"]).session(shaft="causal")
     torque, needle = [], []
     for stamp, angle in zip(angles.stamps[:400], angles.angles_rad[:400], strict=True):
@@ -125,7 +125,7 @@ def test_replay_copies_the_inputs_as_they_are(bag: Path, replayed: Path) -> None
     assert count == after.message_count
 
 
-def test_a_replay_of_a_replay_predicts_anew(replayed: Path, tmp_path: Path) -> None:
+def test_a_replay_of_a_replay_replaces_the_predictions(replayed: Path, tmp_path: Path) -> None:
     assert main(["replay", str(replayed), "--machine", "tufting", "--out", str(tmp_path / "b.mcap")]) == 0
     first, second = open_bag(replayed), open_bag(tmp_path / "b.mcap")
     assert {name: topic.count for name, topic in first.topics.items()} == {
@@ -140,7 +140,7 @@ def test_replay_keeps_the_namespace(tmp_path: Path) -> None:
 
 
 def test_one_of_several_machines_in_a_recording(tmp_path: Path, bag: Path) -> None:
-    """The topics beside the shaft angle that is named are meant."""
+    """Check that the topics beside the named shaft angle are used."""
     both = tmp_path / "both"
     source = open_bag(bag)
     with BagWriter(both) as out:
@@ -191,7 +191,7 @@ def test_recorded_predictions_are_those_computed(tmp_path: Path, replayed: Path)
 
 
 @pytest.mark.slow
-def test_recorded_predictions_of_another_machine_are_told(tmp_path: Path, replayed: Path) -> None:
+def test_recorded_predictions_of_another_machine_are_reported(tmp_path: Path, replayed: Path) -> None:
     own, other = (
         _compare(tmp_path, replayed, "--predicted", "recorded", *options)["notes"]
         for options in ((), ("--set", "m6_kg=15"))
@@ -226,10 +226,10 @@ def test_bad_angles_stop_the_work_or_are_counted(tmp_path: Path, capsys: pytest.
     assert counted["samples"]["rejected_by_cause"]["angle_not_finite"] == 2
 
 
-def test_a_stamp_that_leaps_ahead_stops_the_work_or_is_counted(
+def test_a_stamp_that_jumps_ahead_stops_the_work_or_is_counted(
     tmp_path: Path, bag: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """It would cost every sample after it, an hour long."""
+    """Use a stamp that would discard every later sample for an hour."""
     angles, leapt = open_bag(bag).read_angles(), tmp_path / "leapt"
     stamps = angles.stamps.copy()
     stamps[700] += 3600 * 10**9
@@ -306,7 +306,7 @@ def test_the_topics_there_are_listed_with_their_types(tmp_path: Path, capsys: py
     assert f"topics there: {torque}, /mill/humidity (mill_msgs/msg/Air, 1)" in capsys.readouterr().err
 
 
-def test_an_output_that_is_there_is_kept_unless_forced(
+def test_an_existing_output_is_replaced_only_if_forced(
     tmp_path: Path, bag: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     shutil.copytree(bag, tmp_path / "out")

@@ -1,4 +1,4 @@
-"""textile-twin simulate: the table's contract, the published numbers, and every way to ask wrongly."""
+"""textile-twin simulate: the format of the table, the published numbers, and mistakes."""
 
 from __future__ import annotations
 
@@ -104,10 +104,12 @@ def test_a_recording_of_the_simulation(tmp_path: Path) -> None:
     np.testing.assert_array_equal(angles.angles_rad, 2 * math.pi * np.arange(100) / 100)
 
 
-def test_a_recording_of_the_simulation_holds_what_the_sensors_say(
+def test_a_recording_of_the_simulation_follows_the_sensor_models(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """So that the file that it was made with explains it, and the one without sensors names each of them."""
+    """Check that the machine file explains its own simulation, and that a file without sensors gives a verdict
+    on each.
+    """
     machine, out = tmp_path / "mine.yaml", tmp_path / "f.mcap"
     machine.write_text(
         "machine: tufting\nname: mine\nsensors: {encoder: {zero_rad: 0.4, direction: -1, ratio: 0.5},"
@@ -179,7 +181,7 @@ def test_a_machine_of_the_users_own(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.hypot(rows[:, 4] - 0.3, rows[:, 5]), 0.23, rtol=1e-12)
 
 
-def test_a_machine_with_impacts_tells_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_machine_with_impacts_reports_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Pejchar and Beran 2011: the original reaches the pad at 15.75 ms, elements 2 and 3 meet at 19.23 ms; the
     optimised design reaches it at 17.96 ms.
     """
@@ -203,7 +205,7 @@ def test_a_picture_and_a_table_of_one_turn_at_the_usual_samples(tmp_path: Path) 
     assert len(out.read_text().splitlines()) == 361 and png.read_bytes().startswith(b"\x89PNG")
 
 
-def test_nothing_is_drawn_before_the_rest_is_known_to_be_right(tmp_path: Path) -> None:
+def test_nothing_is_drawn_before_all_arguments_are_checked(tmp_path: Path) -> None:
     png = tmp_path / "turn.png"
     assert main(["simulate", "tufting", "--out", str(tmp_path / "turn.csv"), "--png", str(png)]) == 2
     assert not png.exists()
@@ -295,7 +297,7 @@ def test_a_missing_folder_is_made(tmp_path: Path) -> None:
         (np.arange(0.0, 360.0), True),
         (np.arange(-180.0, 180.0, 5.0), True),
         (np.arange(720) % 360.0, True),
-        (np.arange(0.0, 350.0, 0.05), False),  # fifty-six turns in radians
+        (np.arange(0.0, 350.0, 0.05), False),  # fifty-six turns if read as radians
         (np.linspace(0.0, 2.0 * np.pi, 12), False),
         (np.arange(0.0, 900.0, 1.0), False),
     ],
@@ -336,7 +338,7 @@ def test_the_command_as_a_process(tmp_path: Path) -> None:
 
 
 def test_help_needs_no_engine() -> None:
-    """What --help imports decides how long it takes to appear."""
+    """Check the imports of --help, which determine its start-up time."""
     code = (
         "import sys; from textile_twin_core.cli.main import main; code = main(['--help']);"
         "sys.exit(code or any(name in sys.modules for name in ('numpy', 'scipy', 'yaml', 'mcap')))"
@@ -344,7 +346,7 @@ def test_help_needs_no_engine() -> None:
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, check=False).returncode == 0
 
 
-def test_a_fault_of_ours_is_one_line_too(
+def test_an_internal_error_is_one_line_too(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from textile_twin_core.cli import simulate
@@ -370,7 +372,7 @@ def test_trouble_with_the_disk_is_not_ours(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_machines_tells_outputs_and_parameters(capsys: pytest.CaptureFixture[str]) -> None:
+def test_machines_lists_outputs_and_parameters(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["machines"]) == 0
     text = capsys.readouterr().out
     for name in ttc.machines.NAMES:
@@ -399,7 +401,7 @@ def test_the_table_that_is_read_is_not_written_over(
     [(1.0, 1.0, 1.0), (180.0 / np.pi, 1.0, 1.0), (1.0, 30.0 / np.pi, 1.0), (1.0, 1.0, 1000.0)],
 )
 @pytest.mark.parametrize("wrapped", [True, False])
-def test_angles_and_speeds_that_disagree_over_the_times_are_told(
+def test_angles_and_speeds_that_disagree_over_the_times_are_reported(
     theta: float,
     omega: float,
     time: float,
@@ -409,7 +411,7 @@ def test_angles_and_speeds_that_disagree_over_the_times_are_told(
 ) -> None:
     at = np.arange(800) / 500.0
     turned = 12.5 * at + 0.02 * np.sin(12.5 * at)
-    turned = np.round(np.mod(turned, 2.0 * np.pi) if wrapped else turned, 2)  # as of an encoder of few counts
+    turned = np.round(np.mod(turned, 2.0 * np.pi) if wrapped else turned, 2)  # as from an encoder with few counts
     speeds = 12.5 * (1.0 + 0.02 * np.cos(12.5 * at))
     rows = np.c_[theta * turned, omega * speeds, 0.0 * at, time * at]
     table = tmp_path / "motion.csv"

@@ -1,4 +1,4 @@
-"""The unit of a recording's torque, by name as `import` takes it, or as a number."""
+"""Unit of the torque in a recording, by name as in `import`, or as a number."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def test_it_is_taken_by_name_and_by_number(unit: str, tmp_path: Path) -> None:
     assert json.loads(out.read_text())["torque"]["gain"] == pytest.approx(0.0101, rel=1e-3)
 
 
-def test_what_is_none_is_told_what_there_is(capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unknown_unit_lists_the_known_ones(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["compare", BAG, "--machine", "tufting", "--torque-unit", "lb"]) == 2
     said = capsys.readouterr().err
     assert said.count("\n") == 1 and "N cm, N mm" in said and "or N m of one unit, not 'lb'" in said

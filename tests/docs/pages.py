@@ -1,4 +1,4 @@
-"""The pages that people read: their blocks of code, with the marks before them, and their links."""
+"""Documentation pages: their code blocks, with the marks before them, and their links."""
 
 from __future__ import annotations
 
@@ -19,10 +19,11 @@ _MARK = re.compile(r"^ *<!-- (not run|first|Ctrl-C after): (.+) -->\n$")
 
 @dataclass(frozen=True)
 class Block:
-    """One block of code of a page.
+    """Code block of a page.
 
-    A comment in the line above may say what a reader cannot see: `<!-- not run: WHY -->`, `<!-- first: COMMAND -->`
-    (what the page takes for granted), `<!-- Ctrl-C after: TEXT -->` (it runs until somebody ends it).
+    A comment in the line above may carry instructions hidden from the reader: `<!-- not run: WHY -->`,
+    `<!-- first: COMMAND -->` (a precondition of the page), `<!-- Ctrl-C after: TEXT -->` (the block runs until
+    interrupted).
     """
 
     page: Path
@@ -33,12 +34,12 @@ class Block:
 
     @property
     def place(self) -> str:
-        """Where it is, for messages."""
+        """Position of the block, for messages."""
         return f"{self.page}:{self.line}"
 
 
 def blocks(page: Path) -> list[Block]:
-    """The fenced blocks of a page, in order."""
+    """Return the fenced blocks of a page, in order."""
     text = (ROOT / page).read_text(encoding="utf-8")
     found = []
     for match in _FENCE.finditer(text):
@@ -54,5 +55,5 @@ def blocks(page: Path) -> list[Block]:
 
 
 def prose(page: Path) -> str:
-    """The page without its blocks of code."""
+    """Return the page without its code blocks."""
     return _FENCE.sub("", (ROOT / page).read_text(encoding="utf-8"))

@@ -1,4 +1,4 @@
-"""docs/extending.md: the group and the load that it makes are right, not only run."""
+"""docs/extending.md: its group and its load are correct, and not only run."""
 
 from __future__ import annotations
 

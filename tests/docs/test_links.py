@@ -1,4 +1,4 @@
-"""The pages' links, anchors, commands and blocks: nothing points to what is not there."""
+"""Links, anchors, commands and blocks of the pages: every target exists."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ each_page = pytest.mark.parametrize("page", PAGES, ids=str)
 
 
 def anchors(text: str) -> set[str]:
-    """The anchors that GitHub makes of a page's headings."""
+    """Return the anchors that GitHub generates for the headings of a page."""
     headings = re.findall(r"^#+ (.+)$", text, re.M)
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
@@ -57,7 +57,7 @@ def test_a_path_or_module_in_its_text_is_there(page: Path) -> None:
 
 @each_page
 def test_its_commands_and_options_are_there(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Of the commands in running text too, which are not run."""
+    """Check the commands in running text too, which are not run."""
     for command, rest in sorted(set(COMMAND.findall((ROOT / page).read_text(encoding="utf-8")))):
         task = re.findall("^ ([a-z-]+)", rest) if command in WITH_TASKS else []
         with pytest.raises(SystemExit) as stop:
@@ -70,7 +70,7 @@ def test_its_commands_and_options_are_there(page: Path, capsys: pytest.CaptureFi
 
 @each_page
 def test_every_block_says_its_language(page: Path) -> None:
-    """What is indented only would be run by nobody."""
+    """Check that all code is fenced, since indented code is not run."""
     assert {block.language for block in blocks(page)} <= LANGUAGES
     assert not re.search(r"\n\n {4,}(?![-*|\d])\S", prose(page)), "an indented block: give it a fence and a language"
 
@@ -97,7 +97,7 @@ def test_the_drawing_of_the_layers_is_the_contract() -> None:
 
 
 def test_what_the_architecture_names_is_there() -> None:
-    """Files by their path below the package, or in the folder of the file named before them in the row."""
+    """Check files by their path below the package, or in the folder of the file named before them in the row."""
     package = ROOT / "textile_twin_core"
     for row in re.findall(r"^\| [^|]+ \| (.+) \|$", (ROOT / "docs" / "architecture.md").read_text(), re.M):
         folder = package

@@ -1,4 +1,4 @@
-"""What README and docs tell the reader to type runs as it stands there, and prints what they print."""
+"""Commands and snippets of README and docs run as written and print the quoted output."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def pages_with_code() -> list[Path]:
 
 
 def run_page(page: Path, folder: Path) -> Said:
-    """What each block of a page printed, run one after the other in a folder of the page's own."""
+    """Run the blocks of a page in order in a folder of its own, and return the output of each."""
     folder.mkdir()
     furnish(folder)
     domain, claim = free_domain()
@@ -41,7 +41,7 @@ def run_page(page: Path, folder: Path) -> Said:
 def running(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[dict[Path, Future[Said]]]:
-    """The pages that are asked for, run side by side; the README, which takes longest, begins."""
+    """Run the requested pages side by side; the README, which takes longest, starts first."""
     here = (item for item in request.session.items if isinstance(item, pytest.Function) and item.path == request.path)
     wanted = {item.callspec.params["page"] for item in here}
     place = tmp_path_factory.mktemp("pages")
@@ -59,8 +59,9 @@ def test_a_page_runs(page: Path, running: dict[Path, Future[Said]]) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("page", [Path("README.md")], ids=str)
 def test_the_demonstration_prints_what_the_readme_prints(page: Path, running: dict[Path, Future[Said]]) -> None:
-    """Word by word; numbers may differ by a tenth or one in the last digit, agreement of nodes and engine by what both
-    promise; gaps, in a note, are the computer's of that hour.
+    """Compare word by word. Numbers may differ by a tenth or by one in the last digit; the agreement of nodes
+    and engine may
+    differ within the stated bound; the note on gaps depends on the computer.
     """
     number = re.compile(r"(?<![\w.])[+-]?\d+(?:\.\d+)?(?:e[+-]\d+)?")
     (printed,) = (block.text for block in blocks(page) if block.language == "text")

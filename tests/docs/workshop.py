@@ -1,4 +1,4 @@
-"""A folder like the repository's, in which the commands of a page run and leave what they write."""
+"""Copy of the repository in which the commands of a page run and write their outputs."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ BIN = Path(sys.prefix) / "bin"
 
 
 def furnish(folder: Path) -> None:
-    """Lay out the repository in a folder, and what its pages assume that the reader has.
+    """Lay out the repository in a folder, with the preconditions of its pages.
 
-    The long recording is there under its name, but cut to its first 16 s: run-up and some turns.
+    The long recording has its name but only its first 16 s: run-up and some turns.
     """
     for name in ("docs", "examples", "tests", "textile_twin_core", "ros2_ws", "pyproject.toml"):
         (folder / name).symlink_to(ROOT / name)
     (folder / ".venv").symlink_to(sys.prefix)
     (folder / "out").mkdir()
     (folder / "launch_scripts").mkdir()
-    for script in (ROOT / "launch_scripts").glob("*.sh"):  # they find the repository by their own place
+    for script in (ROOT / "launch_scripts").glob("*.sh"):  # they find the repository relative to their own path
         wrapper = folder / "launch_scripts" / script.name
         wrapper.write_text(f'#!/bin/sh\nexec "{script}" "$@"\n')
         wrapper.chmod(0o755)
@@ -75,7 +75,7 @@ def _short_recording(seconds: float = 16.0) -> tuple[np.ndarray, np.ndarray, np.
 
 
 def run(block: Block, folder: Path, ros_domain: int) -> str:
-    """Run a block as a reader would; what it printed. AssertionError with that where it fails."""
+    """Run a block as a reader would, and return its output. Raises AssertionError with the output on failure."""
     home = folder / ".home"
     home.mkdir(exist_ok=True)
     environment = os.environ | {

@@ -1,4 +1,4 @@
-"""Machine files: they declare the same as Python declarations, and errors name their place."""
+"""Machine files: equal to the same declaration in Python, and errors that name file and key."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_a_declared_machine_moves_as_its_geometry_says(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("change", [{}, {"name": "no 7"}, {"parameters": {}}, {"gravity_m_s2": (0.0, 0.0)}])
 def test_the_tufting_machine_goes_through_a_file(tmp_path: Path, change: dict[str, Any]) -> None:
-    """The file has published name and parameters where these suffice, else the groups."""
+    """Check a file with the published name and parameters if these suffice, and a file with groups otherwise."""
     machine = dataclasses.replace(ttc.machines.tufting(backing_force_N=900.0, torque_sensor_delay_s=0.002), **change)
     assert ("machine" in machine_document(machine)) is (change.keys() <= {"name"})
     if "gravity_m_s2" in change:
@@ -65,7 +65,7 @@ def test_the_tufting_machine_goes_through_a_file(tmp_path: Path, change: dict[st
 
 @pytest.mark.parametrize("change", [{}, {"name": "no 7", "parameters": {}, "nominal_speed_rad_s": np.float64(20.0)}])
 def test_numbers_may_come_from_numpy(tmp_path: Path, change: dict[str, Any]) -> None:
-    """Published name and parameters, and groups."""
+    """Check a file with the published name and parameters, and a file with groups."""
     machine = dataclasses.replace(ttc.machines.tufting(backing_force_N=np.float64(900.0)), **change)
     save_machine_file(machine, tmp_path / "m.yaml")
     assert load_machine_file(tmp_path / "m.yaml") == machine
@@ -105,7 +105,7 @@ def test_a_bar_takes_its_mass_from_density_and_section(tmp_path: Path) -> None:
 
 
 def test_words_and_numbers_are_read_as_people_mean_them(tmp_path: Path) -> None:
-    """YAML 1.1 would read `on` as true, 1e-9 as text and 0700 as 448."""
+    """Check that `on` is a word, 1e-9 a number and 0700 decimal, unlike in YAML 1.1."""
     text = LOOM + "loads:\n  - {type: backing, on: sley, force_N: 1e3, entry_plane_m: 1, exit_plane_m: 1}\n"
     with pytest.raises(MachineError, match=r"straight travel"):
         ttc.compile(load_machine_file(_file(tmp_path, text)), ["reaction_O_x_N"])

@@ -1,4 +1,4 @@
-"""docs/machine_file.md lists every key of the reader with its default, and its examples are valid."""
+"""docs/machine_file.md: it lists every key of the reader with its default, and its examples are valid."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def _documented(cell: str) -> dict[str, Any]:
 
 
 def _taken(cls: type, **given: Any) -> set[str]:
-    """Return the keys that the reader accepts for a declaration, from its message on a wrong one."""
+    """Return the keys that the reader accepts for a declaration, from its message on a wrong key."""
     with pytest.raises(MachineError) as caught:
         build(cls, {"qqqq": 0}, "here", **given)
     return set(str(caught.value).split("there are: ")[1].split(", "))
@@ -114,7 +114,7 @@ def test_every_type_has_its_row(title: str) -> None:
 
 
 @pytest.mark.parametrize(("chapter", "row", "cls"), PARTS, ids=[part[1] for part in PARTS])
-def test_a_row_tells_the_keys_that_the_reader_takes(chapter: str, row: str, cls: type) -> None:
+def test_a_row_lists_the_keys_of_the_reader(chapter: str, row: str, cls: type) -> None:
     documented = _documented(_rows(chapter)[row])
     assert documented.keys() == _taken(cls)
     for key, default in documented.items():
@@ -141,7 +141,7 @@ def test_the_top_level_keys(tmp_path: Path) -> None:
     assert all(f"`{key}`" in last for key in beside)
 
 
-def test_the_ways_to_give_a_body() -> None:
+def test_the_forms_of_a_body() -> None:
     rows = {row: _documented(cell.split("`: a balanced")[0]) for row, cell in _rows("Bodies").items()}
     assert rows["mass"].keys() == _taken(Body, on="l1")
     assert all(_same(default, _default(Body, key)) for key, default in rows["mass"].items())
@@ -150,7 +150,7 @@ def test_the_ways_to_give_a_body() -> None:
 
 @pytest.mark.parametrize("text", [*COMPLETE, *PUBLISHED], ids=lambda text: text.split("\n")[0][:30])
 def test_a_complete_example_loads_and_runs(tmp_path: Path, text: str) -> None:
-    """Both routes to the torque agree: virtual work and joint reactions."""
+    """Check also that the two routes to the torque agree: virtual work and joint reactions."""
     _check_torque(_load(tmp_path, text))
 
 
@@ -174,7 +174,7 @@ def test_the_loads_fragment_shows_every_load(tmp_path: Path) -> None:
 
 
 def _with(fragment: str) -> str:
-    """Merge the fragment's keys into the page's complete example."""
+    """Replace keys of the complete example by those of the fragment."""
     assert yaml.safe_load(COMPLETE[0])["name"] == "needle_drive"
     parts = re.split(r"^(?=\w)", COMPLETE[0], flags=re.M)
     new = yaml.safe_load(fragment).keys()
@@ -208,7 +208,7 @@ def test_a_linkage_stands_ahead_by_its_phase(tmp_path: Path) -> None:
 
 
 def test_transmitted_is_the_torque_on_the_arm(tmp_path: Path) -> None:
-    """A parallelogram's rocker holds an arm of 0.1 m, 1 kg at its middle: m g r cos(theta), counter-clockwise."""
+    """Check an arm of 0.1 m and 1 kg on the rocker of a parallelogram: m g r cos(theta), counter-clockwise."""
     text = """\
 points: {O: [0, 0], C: [0.3, 0]}
 groups:

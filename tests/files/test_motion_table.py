@@ -1,4 +1,4 @@
-"""Motion tables: bit-exact numbers, common formats, errors with their place."""
+"""Tables of motion: numbers are preserved bit for bit, common formats are read, errors name the cell."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MOTION = ("theta_rad", "omega_rad_s", "alpha_rad_s2")
 
 
 def _random_doubles(count: int) -> dict[str, np.ndarray]:
-    """Doubles of every size, from random bits, among them subnormal ones and both zeros."""
+    """Return doubles of every size from random bits, with subnormal ones and both zeros."""
     bits = np.random.default_rng(8).integers(0, 2**64, (3, count), dtype=np.uint64)
     values = bits.view(np.float64)
     values[~np.isfinite(values)] = 0.1
@@ -36,7 +36,7 @@ def test_every_double_survives(tmp_path: Path, suffix: str) -> None:
 
 
 def test_other_programs_read_the_same_doubles(tmp_path: Path) -> None:
-    """Python's own float() on every cell: correctly rounded."""
+    """Apply Python's float(), which rounds correctly, to every cell."""
     columns = _random_doubles(2_000)
     write_table(tmp_path / "m.csv", columns)
     with (tmp_path / "m.csv").open(newline="") as file:
@@ -76,7 +76,7 @@ def test_bad_parquet(tmp_path: Path, columns: dict[str, object], says: str) -> N
     assert "\n" not in str(caught.value)
 
 
-def test_a_column_given_twice_is_not_chosen_from(tmp_path: Path) -> None:
+def test_a_column_given_twice_is_refused(tmp_path: Path) -> None:
     (tmp_path / "m.csv").write_text("theta_rad,omega_rad_s,theta_rad,alpha_rad_s2\n1,2,3,4\n")
     with pytest.raises(MotionError, match="there are 2 columns theta_rad; leave one"):
         read_motion_table(tmp_path / "m.csv")

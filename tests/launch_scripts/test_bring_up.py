@@ -1,4 +1,4 @@
-"""Programs that are brought up together: they end together, whoever ends first and however."""
+"""Programs brought up together: they end together, for any order and reason."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ BRING_UP = Path(__file__).parents[2] / "launch_scripts" / "bring_up.py"
 
 
 def sleeper(folder: Path, name: str) -> list[str]:
-    """A command that writes its process id to a file and then does nothing."""
+    """Return a command that writes its process id to a file and then idles."""
     return ["sh", "-c", f"echo $$ > {folder}/{name}.part; mv {folder}/{name}.part {folder}/{name}; exec sleep 600"]
 
 
@@ -56,7 +56,7 @@ def test_a_program_may_end_well_before_the_awaited_one(tmp_path: Path) -> None:
     assert running.wait() == 0
 
 
-def test_failure_of_one_ends_all_and_is_told_with_its_last_words(tmp_path: Path) -> None:
+def test_failure_of_one_ends_all_and_is_reported_with_its_last_lines(tmp_path: Path) -> None:
     failing = ["bash", "-c", f"until [ -e {tmp_path}/a ]; do read -t 0.01 <> <(:); done; echo no bag; exit 2"]
     running = bring_up(tmp_path, "--until", "sh", "--", *sleeper(tmp_path, "a"), "---", *failing)
     _, complaints = running.communicate()
@@ -74,14 +74,12 @@ def test_only_the_essential_one_takes_the_others_with_it(tmp_path: Path) -> None
     done = subprocess.run(command, capture_output=True, text=True)
     assert time.monotonic() - started > 0.5
     assert done.returncode == 3
-    # What has told its mistake in a line is not told of once more.
+    # A program that has reported its mistake in a line is not reported again.
     assert done.stderr.splitlines() == ["view: no port", "sh ended with exit code 3"]
 
 
 @pytest.mark.parametrize(("short_life_s", "lives"), [(0.0, 2), (1e9, 1)])
-def test_what_a_signal_struck_down_is_started_again_but_not_at_once(
-    tmp_path: Path, short_life_s: float, lives: int
-) -> None:
+def test_a_program_killed_by_a_signal_restarts_after_a_pause(tmp_path: Path, short_life_s: float, lives: int) -> None:
     settings = f"bring_up.REVIVAL_S, bring_up.SHORT_LIFE_S = 0.0, {short_life_s}"
     words = ["--essential", "cat", "--", "cat", f"{tmp_path}/end", "---", *sleeper(tmp_path, "a")]
     command = [sys.executable, "-c", f"import bring_up; {settings}; bring_up.sys.exit(bring_up.main({words}))"]
@@ -95,7 +93,7 @@ def test_what_a_signal_struck_down_is_started_again_but_not_at_once(
     assert told == ["sh ended on signal SIGKILL", "sh is started again"][:lives]
     if lives > 1:
         assert pid_in(tmp_path / "a") != first
-    (tmp_path / "end").write_bytes(b"")  # the essential one has read all, and ends
+    (tmp_path / "end").write_bytes(b"")  # the essential program has read everything, and ends
     assert running.communicate()[1].strip() == "cat ended with exit code 0"
 
 

@@ -1,4 +1,4 @@
-"""The lock files: pinned, hashed, naming no server, and sufficient for what pyproject.toml asks for."""
+"""Lock files: pinned, hashed, without servers, and sufficient for pyproject.toml."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def platform_of(python: str) -> dict[str, str]:
 
 
 def locked(lock: str, python: str) -> dict[str, str]:
-    """Name -> version of what is installed with this Python."""
+    """Return name -> version of the packages installed with this Python on 64-bit Linux."""
     here = platform_of(python)
     requirements = [Requirement(entry.split(" --hash")[0]) for entry in entries(lock)]
     taken = [r for r in requirements if r.marker is None or r.marker.evaluate(here)]
@@ -77,7 +77,7 @@ def test_every_extra_is_locked() -> None:
 
 @each_lock
 def test_one_version_for_every_python(lock: str) -> None:
-    """Some packages are for some Pythons only."""
+    """Check all Pythons; some packages apply to some of them only."""
     versions: dict[str, str] = {}
     for python in PYTHONS:
         for name, version in locked(lock, python).items():
@@ -85,12 +85,12 @@ def test_one_version_for_every_python(lock: str) -> None:
 
 
 @pytest.mark.parametrize("python", PYTHONS)
-def test_what_tests_add_changes_nothing_of_what_runs(python: str) -> None:
-    """So that an environment made by the demonstration is completed by the tests."""
+def test_the_lock_for_tests_extends_the_lock_for_running(python: str) -> None:
+    """Check that an environment of the demonstration can be completed by the tests."""
     assert locked("requirements.lock", python).items() <= locked("requirements-tests.lock", python).items()
 
 
-def test_what_runs_imports_nothing_of_the_tests() -> None:
+def test_the_package_imports_no_test_dependency() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
     runs = [*project["dependencies"], *(text for name in extras.keys() - {"dev"} for text in extras[name])]

@@ -1,4 +1,4 @@
-"""service.sh: a unit that systemd takes, for what suite.sh takes."""
+"""service.sh: a unit valid for systemd, with the arguments of suite.sh."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_the_unit_is_one_that_systemd_takes(tmp_path: Path) -> None:
         (["loom-3"], "NAME must be a ROS namespace"),
     ],
 )
-def test_a_mistake_is_told_before_there_is_a_unit(words: list[str], said: str) -> None:
+def test_a_mistake_is_reported_before_a_unit_is_printed(words: list[str], said: str) -> None:
     made = service(*words)
     assert (made.returncode, made.stdout) == (2, "")
     (line,) = made.stderr.splitlines()

@@ -1,4 +1,4 @@
-"""suite.sh: each node is told what concerns it, in any namespace, and a mistake starts nothing."""
+"""suite.sh: each node gets its own parameters, in any namespace, and a mistake starts nothing."""
 
 from __future__ import annotations
 
@@ -29,13 +29,15 @@ def suite() -> ModuleType:
     return module
 
 
-def told(suite: ModuleType, *words: str) -> dict[str, list[str]]:
-    """What each node is told after --ros-args."""
+def arguments_of(suite: ModuleType, *words: str) -> dict[str, list[str]]:
+    """Return the arguments of each node after --ros-args."""
     return {Path(command[0]).name: command[2:] for command in suite.commands(words)}
 
 
 def test_parameters_of_one_node_reach_it_in_a_namespace(suite: ModuleType) -> None:
-    nodes = told(suite, "tufting", "-p", "twin_node:shaft:=lag", "-p", "rate_hz:=500.0", "-r", "__ns:=/machine_3")
+    nodes = arguments_of(
+        suite, "tufting", "-p", "twin_node:shaft:=lag", "-p", "rate_hz:=500.0", "-r", "__ns:=/machine_3"
+    )
     assert nodes["twin_node"] == [
         *("-p", "machine:=tufting"),
         *("-p", "shaft:=lag"),
@@ -48,7 +50,9 @@ def test_parameters_of_one_node_reach_it_in_a_namespace(suite: ModuleType) -> No
 
 
 def test_a_parameter_goes_to_those_that_have_it(suite: ModuleType) -> None:
-    nodes = told(suite, "--shaft", "simulated", "-p", "rpm:=90", "-p", "use_sim_time:=false", "-p", "port:=9900")
+    nodes = arguments_of(
+        suite, "--shaft", "simulated", "-p", "rpm:=90", "-p", "use_sim_time:=false", "-p", "port:=9900"
+    )
     assert [name for name, words in nodes.items() if "rpm:=90" in words] == ["shaft_node"]
     assert [name for name, words in nodes.items() if "port:=9900" in words] == ["view_node"]
     assert all("use_sim_time:=false" in words for words in nodes.values())

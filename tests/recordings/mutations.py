@@ -1,4 +1,4 @@
-"""Recordings spoilt at random, and what must come of reading one: its own messages, or an error in one line."""
+"""Randomly damaged recordings, and the required result: the original messages, or an error in one line."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ ANGLE, TORQUE = "main_shaft/angle", "balancing_torque/measured"
 
 
 def chunked(path: Path, count: int = 400) -> Path:
-    """A file of several compressed chunks with indices."""
+    """Write a file of several compressed chunks with indices."""
     stamps = START_NS + np.arange(count) * 2_000_000
     with BagWriter(path) as out:
         for part in np.array_split(np.arange(count), 4):
@@ -40,7 +40,7 @@ def chunked(path: Path, count: int = 400) -> Path:
 
 
 def unchunked(path: Path, whole: Path) -> Path:
-    """The same messages one by one, without chunks, checksums or summary, as a small logger writes them."""
+    """Write the same messages without chunks, checksums or summary, as a small logger does."""
     bag, builder = open_bag(whole), RecordBuilder()
     data = b"\x89MCAP0\r\n"
 
@@ -70,7 +70,7 @@ def by_library(
     crcs: bool = True,
     indices: bool = True,
 ) -> Path:
-    """The same messages in chunks, by the mcap library."""
+    """Write the same messages in chunks, by the mcap library."""
     bag = open_bag(whole)
     kinds = {} if indices else {"index_types": 0, "use_statistics": False, "use_summary_offsets": False}
     with path.open("wb") as file:
@@ -88,7 +88,7 @@ def by_library(
 
 
 def record_starts(data: bytes) -> list[int]:
-    """Where the records of an MCAP file begin."""
+    """Return the positions of the records of an MCAP file."""
     starts, at = [], 8
     while at + 9 <= len(data) - 8:
         starts.append(at)
@@ -97,9 +97,9 @@ def record_starts(data: bytes) -> list[int]:
 
 
 def mutated(data: bytes, random: Random) -> tuple[bytes, str]:
-    """A copy with one to three faults of storage or of a program that writes nonsense, and their names.
+    """Return a copy with one to three faults of storage or of a faulty program, and their names.
 
-    Half of them hit the head of a record, where they do most.
+    Half of them are in the head of a record, where the effect is largest.
     """
     spoilt, said = bytearray(data), []
     starts = record_starts(data)
@@ -130,11 +130,11 @@ def mutated(data: bytes, random: Random) -> tuple[bytes, str]:
 
 
 class Judge:
-    """Reads spoilt recordings and counts what became of them; anything but the whole truth or one line is a fault.
+    """Reader of damaged recordings that counts the results. Any result but the original data or one line is a failure.
 
     Args:
-        whole: the recording as it was.
-        checked: whether checksums protect its messages, so that none of them may come out changed.
+        whole: The original recording.
+        checked: True if checksums protect its messages, so that none may be altered.
     """
 
     def __init__(self, whole: Path, checked: bool) -> None:
@@ -146,14 +146,15 @@ class Judge:
         self._checked = checked
         self.outcomes: Counter[str] = Counter()
         self.salvaged = 0
-        """Recordings that were refused and of which salvaging gave messages."""
+        """Number of refused recordings from which messages were salvaged."""
         self.slowest_s = 0.0
 
     def judge(self, spoilt: Path, said: str) -> None:
-        """Read everything that there is in a spoilt recording.
+        """Read everything in a damaged recording.
 
         Raises:
-            AssertionError: an error of another kind or of several lines, data that was never recorded, or no end.
+            AssertionError: The error is of another kind or has several lines, data were never recorded, or
+                reading hangs.
         """
         started = time.monotonic()
         try:
@@ -170,7 +171,7 @@ class Judge:
         self.slowest_s = max(self.slowest_s, time.monotonic() - started)
 
     def _salvage(self, spoilt: Path, said: str) -> None:
-        """What recover would copy of a recording that is refused."""
+        """Return the messages that `recover` copies from a refused recording."""
         try:
             bag = open_bag(spoilt, salvage=True)
         except RecordingError as error:
@@ -199,7 +200,7 @@ class Judge:
 
 @contextmanager
 def time_limit(seconds: float) -> Iterator[None]:
-    """An alarm after so long of this process's own time: another's does not make a recording slow."""
+    """Raise an alarm after this much processor time of the process, independent of other processes."""
 
     def ring(_number: int, _frame: FrameType | None) -> None:
         raise AssertionError(f"not done within {seconds:g} s of processor time")
@@ -215,7 +216,7 @@ def time_limit(seconds: float) -> Iterator[None]:
 
 @contextmanager
 def memory_limit(more_bytes: int) -> Iterator[None]:
-    """No more memory than there is in use now and so much: who asks for more gets a MemoryError."""
+    """Limit the memory to the present use plus `more_bytes`; larger requests raise MemoryError."""
     pages = int(Path("/proc/self/statm").read_text().split()[0])
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
     resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + more_bytes, hard))
@@ -226,15 +227,16 @@ def memory_limit(more_bytes: int) -> Iterator[None]:
 
 
 def cut_everywhere(folder: Path, offsets: int, seed: int) -> int:
-    """Cut a recording at every record's boundary and at random offsets: what stands whole before it comes back.
+    """Truncate a recording at every record boundary and at random offsets, and check that all earlier messages
+    are read.
 
     Args:
-        folder: for the recordings.
-        offsets: random offsets, besides the boundaries.
-        seed: of the offsets.
+        folder: Folder for the recordings.
+        offsets: Number of random offsets, besides the boundaries.
+        seed: Seed of the offsets.
 
     Returns:
-        How many cuts there were.
+        The number of cuts.
     """
     random, whole, cut = Random(seed), chunked(folder / "whole.mcap"), folder / "cut.mcap"
     data = whole.read_bytes()
@@ -260,12 +262,12 @@ def cut_everywhere(folder: Path, offsets: int, seed: int) -> int:
 
 
 def run(folder: Path, count: int, seed: int) -> dict[str, Judge]:
-    """Spoil each kind of recording so many times in all and judge what becomes of it.
+    """Damage each kind of recording, `count` times in total, and judge the results.
 
     Args:
-        folder: for the recordings.
-        count: spoilt recordings of all kinds together.
-        seed: of the faults.
+        folder: Folder for the recordings.
+        count: Number of damaged recordings of all kinds together.
+        seed: Seed of the faults.
     """
     random = Random(seed)
     whole = chunked(folder / "chunked.mcap")

@@ -1,4 +1,4 @@
-"""Recordings with damaged chunks or lost framing: what is whole comes back, and a line says the rest."""
+"""Recordings with damaged chunks or lost framing: the intact messages are recovered, and one line reports the loss."""
 
 from __future__ import annotations
 
@@ -22,32 +22,32 @@ _FORMS = {"zstd": CompressionType.ZSTD, "lz4": CompressionType.LZ4, "none": Comp
 
 
 def _library_file(path: Path, form: str, crcs: bool = True, indices: bool = True) -> Path:
-    """800 messages of two topics in about twelve chunks, by the mcap library."""
+    """Write 800 messages of two topics in about twelve chunks, by the mcap library."""
     whole = mutations.chunked(path.with_name("source.mcap"))
     return mutations.by_library(path, whole, _FORMS[form], 4096, crcs, indices)
 
 
 def _chunks(data: bytes) -> list[tuple[int, int]]:
-    """Start and end of each chunk."""
+    """Return start and end of each chunk."""
     starts = [start for start in mutations.record_starts(data) if data[start] == mutations.CHUNK]
     return [(start, start + 9 + int(struct.unpack_from("<Q", data, start + 1)[0])) for start in starts]
 
 
 def _by_library(path: Path) -> list[_Message]:
-    """All messages, by the reader of the mcap library, which has the checksums verified."""
+    """Read all messages by the mcap library, with checksums verified."""
     with path.open("rb") as file:
         reader = make_reader(file, validate_crcs=True)
         return [(channel.topic, message.log_time, message.data) for _, channel, message in reader.iter_messages()]
 
 
 def _of_chunk(path: Path, data: bytes, chunk: tuple[int, int]) -> Counter[_Message]:
-    """Messages of one chunk, by its span; chunks of the library's files do not overlap."""
+    """Return the messages of one chunk, by its time span; chunks of the library's files do not overlap."""
     first, last = struct.unpack_from("<QQ", data, chunk[0] + 9)
     return Counter(message for message in _by_library(path) if first <= message[1] <= last)
 
 
 def _recover(bag: Path, out: Path, capsys: pytest.CaptureFixture[str]) -> tuple[list[_Message], list[str]]:
-    """What the library reads of what recover makes, and what recover says."""
+    """Return the messages of the recovered file as read by the library, and the output of recover."""
     assert main(["recover", str(bag), "--out", str(out), "--force"]) == 0
     lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("textile-twin:")]
     return _by_library(out), lines
@@ -89,7 +89,7 @@ def test_every_chunk_but_one_is_damaged(tmp_path: Path, capsys: pytest.CaptureFi
 def test_a_record_whose_length_is_wrong_costs_itself_alone(
     tmp_path: Path, form: str, length: int | None, cut: bool, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The chunk's own length, or (None) nine bytes of zeros where its head was; the file complete or cut off."""
+    """Damage the length of a chunk, or (None) overwrite its head by nine zeros; in complete and truncated files."""
     path = _library_file(tmp_path / "bag.mcap", form)
     data = bytearray(path.read_bytes())
     chunks = _chunks(bytes(data))
@@ -109,7 +109,7 @@ def test_a_record_whose_length_is_wrong_costs_itself_alone(
 
 
 def test_a_long_length_that_swallows_what_follows(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """An index, by whose length the next record would begin in the middle of the chunk after the next."""
+    """Damage the length of an index, so that the next record would start within the chunk after the next."""
     path = _library_file(tmp_path / "bag.mcap", "zstd")
     data = bytearray(path.read_bytes())
     chunks, whole = _chunks(bytes(data)), Counter(_by_library(path))
@@ -137,7 +137,7 @@ def test_messages_outside_chunks_are_found_again(
     assert any("are no records" in line for line in lines)
 
 
-def test_without_checksums_the_other_messages_of_the_chunk_are_kept(
+def test_without_checksums_the_other_messages_of_the_chunk_are_recovered(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = _library_file(tmp_path / "bag.mcap", "none", crcs=False)
@@ -205,7 +205,7 @@ def test_one_bad_file_of_several_costs_no_other(tmp_path: Path, kind: str, capsy
     assert len(_by_library(made)) == len(times)
 
 
-def test_what_tells_of_a_bag_may_be_spoilt(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_metadata_of_a_bag_may_be_damaged(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bag = tmp_path / "bag"
     with BagWriter(bag) as out:
         out.write_floats("x", np.arange(1, 101), np.arange(100) * 1.0)

@@ -1,4 +1,4 @@
-"""Messages without a stamp take the time of publishing where that is the better clock."""
+"""Messages without a stamp get the time of publishing if it is the better clock."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from textile_twin_core.recordings.publish_clock import better_clock
 
 
 def write_floats(path: Path, logged: np.ndarray, published: np.ndarray, values: np.ndarray) -> Path:
-    """An MCAP file by the format's own library."""
+    """Write an MCAP file by the library of the format."""
     with path.open("wb") as stream:
         writer = Writer(stream)
         writer.start("ros2")
@@ -36,7 +36,7 @@ def test_publish_times_are_used_where_log_times_come_in_bursts(tmp_path: Path) -
     assert np.array_equal(even.stamps, published + 500)
 
 
-def test_times_of_publishing_that_no_clock_gave_are_not_used() -> None:
+def test_invalid_times_of_publishing_are_not_used() -> None:
     logged = 10**18 + 2_000_000 * np.arange(100) + 500_000 * (np.arange(100) % 3)
     for published in (np.zeros(100, np.int64), 1 + 2_000_000 * np.arange(100), logged[::-1]):
         assert np.array_equal(better_clock(logged, published), logged)

@@ -1,4 +1,4 @@
-"""Recordings as people hand them on: files in any order, packed or unpacked by hand, without metadata."""
+"""Recordings as users pass them on: files in any order, compressed or decompressed by hand, without metadata."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def write(path: Path, here: slice = slice(None)) -> Path:
 
 
 def rosbags(path: Path, plugin: StoragePlugin, mode: CompressionMode | None) -> Path:
-    """The same by another's writer."""
+    """Write the same recording by the rosbags library."""
     source = open_bag(write(path.with_name("source")))
     writer = RosbagsWriter(path, version=9, storage_plugin=plugin)
     if mode is not None:
@@ -104,14 +104,14 @@ def without_metadata(folder: Path) -> Path:
 
 
 def packed_by_hand(folder: Path) -> Path:
-    """metadata.yaml says nothing of it, and names the file that it was."""
+    """Compress a file without updating metadata.yaml, which names the original file."""
     bag = write(folder / "bag")
     pack(next(bag.glob("*.mcap")))
     return bag
 
 
 def unpacked_by_hand(folder: Path) -> Path:
-    """metadata.yaml still says FILE, and names the packed one or that which is there."""
+    """Decompress a file without updating metadata.yaml, which says FILE and names either file."""
     bag = write(folder / "bag")
     information(bag, compression_mode="FILE", compression_format="zstd", relative_file_paths=["bag_0.mcap.zstd"])
     return bag
@@ -164,7 +164,7 @@ def packed_database(folder: Path) -> Path:
 
 
 def old_database(folder: Path) -> Path:
-    """As Foxy wrote it: no definitions, no hashes, quality of service as text."""
+    """Write a recording as in Foxy: no definitions, no hashes, quality of service as text."""
     file = lone_database(folder)
     with sqlite3.connect(file) as database:
         database.execute("DROP TABLE message_definitions")

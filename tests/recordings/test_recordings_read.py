@@ -1,4 +1,4 @@
-"""open_bag against recordings that others wrote, complete, cut off and damaged, and against what is none."""
+"""open_bag on recordings by other writers: complete, truncated, damaged and invalid ones."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def _wrench(stamp: int, torque: float) -> bytes:
 
 
 def _messages(count: int, mixed: bool) -> list[tuple[str, int, bytes]]:
-    """Angles and torques in turn; mixed: the layout of the JointStates changes all the time."""
+    """Return angles and torques alternately; `mixed` changes the layout of the JointStates all the time."""
     out = []
     for k in range(count):
         stamp = EPOCH + k * 2_000_000
@@ -123,7 +123,7 @@ def _mcap(path: Path, form: str, count: int, finish: bool = True) -> None:
         writer.start("ros2", "test")
         channels = {}
         for topic, msgtype in (("/main_shaft/angle", JOINT_STATE), ("/balancing_torque/measured", WRENCH)):
-            # The schema twice, as recorders write it that have split their files.
+            # The schema twice, as written by recorders that split files.
             for _ in range(2):
                 schema = writer.register_schema(msgtype, "ros2msg", message_schema(msgtype).text.encode())
             channels[topic] = writer.register_channel(topic, "cdr", schema)
@@ -223,7 +223,7 @@ def test_folders_that_are_no_bag(tmp_path: Path) -> None:
         open_bag(tmp_path)
 
 
-def test_wrong_type_and_missing_joint_tell_what_there_is(tmp_path: Path) -> None:
+def test_wrong_type_and_missing_joint_list_the_available_ones(tmp_path: Path) -> None:
     with BagWriter(tmp_path / "b") as out:
         out.write_wrenches("main_shaft/angle", np.array([5]), np.array([1.0]))
         out.write_joint_states("shaft", np.array([5]), ["axis", "motor"], np.array([[1.0, 2.0]]))
@@ -241,7 +241,7 @@ def test_wrong_type_and_missing_joint_tell_what_there_is(tmp_path: Path) -> None
 
 
 def test_raw_messages_of_overlapping_chunks_come_in_order_of_time(tmp_path: Path) -> None:
-    """Two chunks of one topic, recorded with delays that differ, and another topic between them."""
+    """Write two chunks of one topic with different recording delays, and another topic between them."""
     with BagWriter(tmp_path / "b") as out:
         times = np.arange(1, 40_001)
         out.write_floats("x", times + np.random.default_rng(1).integers(0, 500, len(times)), times * 1.0)
@@ -253,13 +253,13 @@ def test_raw_messages_of_overlapping_chunks_come_in_order_of_time(tmp_path: Path
     assert [time for time, _ in seen] == sorted(time for time, _ in seen)
 
 
-def test_nan_is_kept(tmp_path: Path) -> None:
+def test_nan_is_preserved(tmp_path: Path) -> None:
     with BagWriter(tmp_path / "b") as out:
         out.write_joint_states("main_shaft/angle", np.arange(1, 4), ["main_shaft"], np.array([1.0, np.nan, np.inf]))
     np.testing.assert_array_equal(open_bag(tmp_path / "b").read_angles().angles_rad, [1.0, np.nan, np.inf])
 
 
-def test_a_speed_that_is_infinite_is_none(tmp_path: Path) -> None:
+def test_an_infinite_speed_is_discarded(tmp_path: Path) -> None:
     speeds = np.array([2.0, np.inf, -np.inf, 3.0])
     with BagWriter(tmp_path / "b") as out:
         out.write_joint_states("main_shaft/angle", np.arange(1, 5), ["main_shaft"], np.arange(4.0), speeds)
@@ -280,7 +280,7 @@ def test_a_speed_that_is_infinite_is_none(tmp_path: Path) -> None:
 )
 @pytest.mark.parametrize("plugin", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
 def test_metadata_of_other_shape(tmp_path: Path, plugin: StoragePlugin, key: str, value: object) -> None:
-    """Read all the same, or refused in one line."""
+    """Check that it is read anyway, or refused in one line."""
     metadata = _bag_of_rosbags(tmp_path / "b", plugin) / "metadata.yaml"
     information = yaml.safe_load(metadata.read_text())
     information["rosbag2_bagfile_information"][key] = value
@@ -351,13 +351,13 @@ def _bag_of_rosbags(
     ("recorded", "settled", "told"),
     [
         ([1.0, 2.0, 3.0], [True] * 3, False),
-        ([1.0, 2.0, 9.0], [True] * 3, False),  # a load jump
+        ([1.0, 2.0, 9.0], [True] * 3, False),  # a step of the load
         ([2.0, 3.0, 4.0], [True] * 3, True),
         ([2.0, 3.0, 4.0], [False] * 3, False),
         ([math.nan] * 3, [True] * 3, False),
     ],
 )
-def test_predictions_of_another_machine_are_told_by_most_samples(
+def test_predictions_of_another_machine_differ_in_most_samples(
     recorded: list[float], settled: list[bool], told: bool
 ) -> None:
     assert bool(far_apart(np.array(recorded), np.array([1.0, 2.0, 3.0]), np.array(settled))) == told

@@ -1,4 +1,4 @@
-"""What BagWriter writes is read back by the rosbags library, by rclpy and by ourselves."""
+"""Recordings of BagWriter read back by the rosbags library, by rclpy and by ourselves."""
 
 from __future__ import annotations
 
@@ -227,7 +227,7 @@ def test_metadata_says_what_rosbag2_of_jazzy_says(bag: Path) -> None:
 
 @pytest.mark.parametrize("msgtype", ["lifecycle_msgs/msg/TransitionEvent", "sensor_msgs/msg/JointState"])
 def test_installed_definitions_agree_with_the_rosbags_library(msgtype: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The fall-back for unknown types, tried on known ones: same hash, same fields of every type needed."""
+    """Apply the fall-back for unknown types to known ones: same hash, same fields of every nested type."""
     from rosbags.typesys import get_types_from_msg
 
     from textile_twin_core.recordings import schemas
@@ -301,7 +301,7 @@ with BagWriter(sys.argv[1], live=True) as out:
 
 
 def test_a_killed_live_recording_loses_a_second_at_most(tmp_path: Path) -> None:
-    """By a clock of its own, a millisecond further with each message; killed after the second flush."""
+    """Use a simulated clock with a millisecond per message, and kill the process after the second flush."""
     killed = subprocess.run([sys.executable, "-c", _KILLED, str(tmp_path / "b")], env=os.environ)
     assert killed.returncode == -signal.SIGKILL
     opened = open_bag(tmp_path / "b")
@@ -343,7 +343,7 @@ def test_a_live_recording_that_another_overwrites_says_so_and_leaves_it_alone(tm
 
 
 def test_a_split_recording_is_one_recording(tmp_path: Path) -> None:
-    """Several files by size and by time: the same messages for us and for another reader, none lost at a seam."""
+    """Split by size and by time: we and another reader get the same messages, with none lost between files."""
     count, words = 3000, np.random.default_rng(5).bytes(3000 * 40)
     with BagWriter(tmp_path / "b", live=True, split_bytes=20_000, split_s=2.0) as out:
         out.add_topic("words", "std_msgs/msg/String")
@@ -366,7 +366,7 @@ def test_a_split_recording_is_one_recording(tmp_path: Path) -> None:
         assert [time for _, time, _ in reader.messages()] == times
     for file in files:
         assert open_bag(file).topics["/words"].msgtype == "std_msgs/msg/String"
-    (tmp_path / "b" / "metadata.yaml").unlink()  # as after a kill, with files enough that names do not sort by number
+    (tmp_path / "b" / "metadata.yaml").unlink()  # as after a kill, with so many files that names do not sort by number
     assert [time for _, time, _ in open_bag(tmp_path / "b").raw_messages()] == times
 
 
@@ -384,7 +384,7 @@ def test_a_recording_splits_by_time_and_forgets_its_oldest_file(tmp_path: Path) 
 
 
 def test_a_disk_that_is_full_at_the_end_leaves_no_half_metadata(tmp_path: Path) -> None:
-    """Each file finds room, the list of them does not: the recording is read without it."""
+    """Leave room for each file but not for their list: the recording is read without it."""
     path, count = tmp_path / "bag", 60
     with ExitStack() as stack, pytest.raises(OutputError), BagWriter(path, live=True, split_bytes=1) as out:
         out.add_topic("words", "std_msgs/msg/String")

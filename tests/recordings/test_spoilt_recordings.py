@@ -1,6 +1,6 @@
-"""Recordings spoilt at random or cut off anywhere: their own messages come back, or an error in one line.
+"""Recordings damaged at random or truncated anywhere: the original messages are read, or an error in one line is given.
 
-`python -m tests.benchmarks.spoilt_recordings` does the same ten thousand times.
+`python -m tests.benchmarks.spoilt_recordings` repeats this ten thousand times.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def test_a_recording_cut_anywhere_gives_all_that_stands_before(tmp_path: Path) -
 
 @pytest.mark.parametrize("length", [2**63 - 1, 2**63, 2**64 - 1, 2**31, 0])
 def test_a_length_beyond_the_file(tmp_path: Path, length: int) -> None:
-    """A message inside a chunk without checksum that says to be longer than any file."""
+    """Damage a message in a chunk without checksum, so that its length exceeds any file."""
     whole = mutations.chunked(tmp_path / "whole.mcap")
     path = mutations.by_library(tmp_path / "bag.mcap", whole, crcs=False)
     data = bytearray(path.read_bytes())

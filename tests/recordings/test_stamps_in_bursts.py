@@ -1,4 +1,4 @@
-"""Recordings whose samples were stamped on arrival: what compare and replay say of them, and what they do not."""
+"""Recordings with samples stamped on arrival: the reports of compare and replay."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SYNTHETIC = Path(__file__).parents[2] / "bags" / "tufting_160rpm_synthetic"
 
 
 def usb_bridge(inside_s: float) -> Sampled:
-    """Three thousand samples of the synthetic recording behind a USB serial bridge of 16 ms latency."""
+    """Delay three thousand samples of the synthetic recording as a USB serial bridge with 16 ms latency does."""
     bag = open_bag(SYNTHETIC)
     angles, torque = bag.read_angles(), bag.read_torques()
     begin, end = angles.stamps[[2000, 4999]]
@@ -34,7 +34,7 @@ def usb_bridge(inside_s: float) -> Sampled:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("inside_s", [2e-4, 5e-4])
-def test_a_usb_bridge_is_named_and_nothing_else_is_accused(
+def test_a_usb_bridge_is_the_only_cause_named(
     inside_s: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     bag = write_samples(tmp_path / "bag", usb_bridge(inside_s))
@@ -54,7 +54,7 @@ def test_a_usb_bridge_is_named_and_nothing_else_is_accused(
     assert "stamped on arrival" in capsys.readouterr().err
     replayed = open_bag(tmp_path / "out")
     residual = replayed.read_torques("balancing_torque/residual")
-    assert np.sqrt(np.mean(residual.torque_Nm**2)) < 1.0  # 1.66 with right stamps and no delay
+    assert np.sqrt(np.mean(residual.torque_Nm**2)) < 1.0  # 1.66 with correct stamps and no delay
     assert set(replayed.read_torques("balancing_torque/predicted").stamps) <= set(replayed.read_angles().stamps)
     assert set(residual.stamps) <= set(replayed.read_torques().stamps)
 
