@@ -130,7 +130,7 @@ def test_curve_from_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
         ([], "TASK"),
         (["crank-rocker", "--rotation", "180"], "--swing"),
         (["crank-rocker", "--hand", "0,0 1,1", "--rotation", "180"], "three positions"),
-        (["crank-rocker", "--swing", "30", "--rotation", "180", "--time-ratio", "1"], "two ways"),
+        (["crank-rocker", "--swing", "30", "--rotation", "180", "--time-ratio", "1"], "same quantity"),
         (["crank-rocker", "--swing", "30", "--rotation", "180", "--out", "x.yaml"], "--ground"),
         (["slider", "--stroke", "-1"], "positive number"),
         (["points", "--points", "0,0 1"], "X,Y"),

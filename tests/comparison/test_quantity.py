@@ -74,7 +74,7 @@ def test_camera_trace_by_commands_alone(tmp_path: Path, capsys: pytest.CaptureFi
     assert "did you mean sley_position_m" in capsys.readouterr().err
     for wrong, words in (
         (("--max-rms", "0.1"), "--max-rms is a limit of torques"),
-        (("--predicted", "recorded"), "speaks of torques"),
+        (("--predicted", "recorded"), "applies to torques"),
         (("--json", "sley.txt"), "must end in .json"),
         (("--png", "sley.jpg"), "must end in .png"),
     ):

@@ -124,7 +124,7 @@ def test_geometry_that_cannot_close_says_where_and_comes_back(loom: PageSession)
         ({"type": "machine", "name": "spinning_jenny"}, "no machine"),
         ({"type": "load", "name": "x.yaml", "text": "groups: 7"}, "x.yaml"),
         ({"type": "load", "name": "x.json", "text": "{"}, "not valid JSON"),
-        ({"type": "load", "name": "x.json", "text": '{"format": "other"}'}, "no shared design"),
+        ({"type": "load", "name": "x.json", "text": '{"format": "other"}'}, "not a shared design"),
         ({"type": "pick", "index": 0}, "search again"),
         ({"type": "balance", "way": "prayer"}, "lacks masses|no balancing method"),
         ({"type": "tolerance", "free": {}, "width": 0.0}, "must be positive"),
