@@ -60,7 +60,9 @@ def test_data(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_the_page_carries_what_is_computed(capsys: pytest.CaptureFixture[str]) -> None:
-    """On failure, put the output of textile-twin published --markdown between the two markers of docs/papers.md."""
+    """Compare docs/papers.md with the output of textile-twin published --markdown; after a change, paste it
+    between the markers.
+    """
     text = PAGE.read_text(encoding="utf-8")
     assert text.count(BEGIN) == text.count(END) == 1
     block = text.split(BEGIN)[1].split(END)[0].strip()

@@ -65,10 +65,10 @@ def visit(act: Visit, jar: bool = True) -> None:
 
 async def ask(talk: aiohttp.ClientWebSocketResponse, **message: Any) -> dict[str, Any]:
     await talk.send_str(json.dumps(message))
-    return await told(talk)
+    return await received(talk)
 
 
-async def told(talk: aiohttp.ClientWebSocketResponse) -> dict[str, Any]:
+async def received(talk: aiohttp.ClientWebSocketResponse) -> dict[str, Any]:
     received = await talk.receive_bytes()
     return {"number": int.from_bytes(received[:4], "little"), **unpack(received[4:])[0]}
 
@@ -146,7 +146,7 @@ def test_duplicated_tab_gets_its_own_session() -> None:
         async with client.ws_connect(url + "/talk?tab=one") as one:
             first = await ask(one, type="change", values={"crank_m": 55.0})
             async with client.ws_connect(url + "/talk?tab=one") as two:
-                parted = await told(two)
+                parted = await received(two)
                 assert parted["type"] == "tab" and parted["tab"] != "one"
                 assert numbers(await ask(two, type="hello")) == numbers(first)
                 await ask(two, type="change", values={"crank_m": 50.0})
@@ -161,7 +161,7 @@ def test_nonsense_is_answered_and_the_page_stays_alive() -> None:
         async with client.ws_connect(url + "/talk?tab=one") as talk:
             for text in NONSENSE:
                 await talk.send_str(text)
-                answer = await told(talk)
+                answer = await received(talk)
                 assert answer["type"] == "error" and answer["text"], text
                 assert "internal error" not in answer["text"] and "\n" not in answer["text"], (text, answer)
             assert (await ask(talk, type="hello"))["type"] == "state"
@@ -192,7 +192,7 @@ def test_search_reports_and_stops() -> None:
             assert (await ask(talk, type="change", values={"crank_m": 58.0}))["type"] in ("state", "front")
             await talk.send_str('{"type": "stop"}')
             while True:
-                last = await told(talk)
+                last = await received(talk)
                 if last["type"] == "front" and not last["running"]:
                     break
             assert last["designs"] >= 160 and not last["complete"]

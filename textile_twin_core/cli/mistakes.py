@@ -45,7 +45,7 @@ def collected() -> Iterator[list[str]]:
 
 
 def is_collecting() -> bool:
-    """Whether notices are collected."""
+    """Return true while notices are collected."""
     return _COLLECTED.get() is not None
 
 

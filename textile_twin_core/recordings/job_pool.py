@@ -1,4 +1,6 @@
-"""Jobs run in this process, in processes of this computer, or on a Dask cluster: each ends in a result or an error."""
+"""Job pool: runs jobs in this process, in processes of this computer, or on a Dask cluster; each gives a result
+or an error.
+"""
 
 from __future__ import annotations
 
@@ -23,14 +25,14 @@ _KILLED = "its process was killed, most likely for want of memory: give it fewer
 
 @dataclass(frozen=True)
 class Outcome(Generic[R]):
-    """How one job ended.
+    """Outcome of one job.
 
     Attributes:
-        index: position of the job among those given.
-        result: what the function returned; None after an error.
-        error: one line that says why there is no result.
-        worker: host and number of the process that ran it.
-        peak_bytes: largest memory of that process so far.
+        index: Position of the job in the given sequence.
+        result: Return value of the function; None after an error.
+        error: One line with the reason for a missing result.
+        worker: Host and process number.
+        peak_bytes: Largest memory of that process so far.
     """
 
     index: int
@@ -82,7 +84,7 @@ def _run(function: Callable[[J], R], index: int, job: J) -> Outcome[R]:
 
 
 def _peak_bytes() -> int:
-    """Largest resident memory of this process (VmHWM); 0 where the system does not state it."""
+    """Return the largest resident memory of this process (VmHWM); 0 where the system does not state it."""
     try:
         lines = Path("/proc/self/status").read_text(encoding="ascii", errors="replace").splitlines()
     except OSError:
@@ -92,12 +94,10 @@ def _peak_bytes() -> int:
 
 def _in_processes(function: Callable[[J], R], jobs: Sequence[J], workers: int) -> Iterator[Outcome[R]]:
     waiting = dict(enumerate(jobs))
-    suspects: list[
-        int
-    ] = []  # in work when a process was killed: each then runs by itself, so that the culprit is named
+    suspects: list[int] = []  # jobs that ran when a process was killed; each is repeated alone to find the cause
     while waiting:
         batch = suspects[:1] or list(waiting)
-        # Spawned, not forked: the readers and compiled loops hold threads.
+        # Spawn instead of fork, since the readers and compiled loops use threads.
         with ProcessPoolExecutor(min(workers, len(batch)), mp_context=get_context("spawn")) as pool:
             futures: dict[Future[Outcome[R]], int] = {}
             with suppress(BrokenProcessPool):  # a process is killed while jobs are still handed in

@@ -113,13 +113,13 @@ def _foreign(columns: Mapping[str, FloatArray | IntArray], torque_Nm: FloatArray
 def watch_bags(
     jobs: Sequence[Job], workers: int = 1, scheduler: str | None = None, progress: Progress | None = None
 ) -> Iterator[Outcome[Watched]]:
-    """Watch recordings by `run_jobs`, in the order in which they are ready; an error stands in the result.
+    """Monitor recordings by `run_jobs` and yield outcomes in the order of completion; errors are part of the result.
 
     Args:
-        jobs: the recordings.
-        workers: processes on this computer.
-        scheduler: address of a Dask cluster, which then watches them.
-        progress: as in `monitor_recording`, of recordings that are watched by this process.
+        jobs: Recordings to monitor.
+        workers: Number of processes on this computer.
+        scheduler: Address of a Dask cluster, which then does the work.
+        progress: As in `monitor_recording`, for recordings monitored by this process.
     """
     alone = scheduler is None and (workers < 2 or len(jobs) < 2)
     function = partial(watch_bag, progress=progress) if alone else watch_bag
@@ -130,7 +130,7 @@ def watch_bags(
 
 
 def names_of(watched: Sequence[Watched]) -> list[str]:
-    """The name of each recording (see `recording_names`)."""
+    """Return the name of each recording (see `recording_names`)."""
     return recording_names([each.bag for each in watched])
 
 

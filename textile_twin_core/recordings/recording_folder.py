@@ -1,4 +1,4 @@
-"""Recordings that paths stand for, folders of them too, and the names by which they are reported."""
+"""Recordings named by paths, including folders of recordings, and their names in reports."""
 
 from __future__ import annotations
 
