@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import re
 from collections.abc import Iterator
@@ -75,3 +76,30 @@ def test_the_demonstration_prints_what_the_readme_prints(page: Path, running: di
         ):
             last = 1e-9 if "e" in promised else 1.01 * 10.0 ** -len(promised.partition(".")[2])
             assert float(found) == pytest.approx(float(promised), rel=0.1, abs=last), f"{line}\n{seen}"
+
+
+def shown(page: Path) -> list[tuple[Block, Block]]:
+    """Commands of a page, each with the block of its output below."""
+    pairs = itertools.pairwise(blocks(page))
+    return [
+        (one, two)
+        for one, two in pairs
+        if one.language in RUN and two.language == "text" and "not run" not in one.marks
+    ]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", [page for page in pages_with_code() if page.parent.name == "tutorials"], ids=str)
+def test_a_tutorial_shows_what_its_commands_print(page: Path, running: dict[Path, Future[Said]]) -> None:
+    """Line by line: what stands in the first column, and the first number behind it within a tenth."""
+    number = re.compile(r"[+-]?\d+(?:\.\d+)?(?:e[+-]\d+)?")
+    printed = {block.line: text for block, text in running[page].result()}
+    assert shown(page)
+    for command, output in shown(page):
+        for line in output.text.splitlines():
+            label, *promised = re.split(r" {2,}", line)
+            lines = [each for each in printed[command.line].splitlines() if label in each]
+            assert lines, f"{output.place}: '{label}' is not among what it prints:\n{printed[command.line]}"
+            if promised and number.match(promised[0]):
+                seen = number.findall(lines[0].split(label, 1)[1])
+                assert float(seen[0]) == pytest.approx(float(number.findall(promised[0])[0]), rel=0.1), lines[0]

@@ -1,0 +1,47 @@
+"""docs/how_to/verdict.md has advice for every cause and alarm that the product can print."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+
+from tests.docs.pages import ROOT
+from textile_twin_core.comparison.fault_naming import SIDE
+
+PAGE = Path("docs/how_to/verdict.md")
+CONTRACT = {
+    *("encoder_zero", "encoder_direction", "encoder_ratio", "angle_unit", "angle_rate", "torque_sign", "torque_unit"),
+    *("torque_gain", "torque_offset", "delay", "zero_or_delay", "unmodelled_friction", "unmodelled_inertia"),
+    *("load_force", "elastic_shaft", "mass", "centroid", "inertia", "length", "spring", "stamps_in_bursts"),
+    *("other_machine", "clocks_drift"),
+}
+"""Causes that scripts may rely on."""
+
+
+def advised() -> set[str]:
+    """Codes in the first two columns of tables whose last column says what to do."""
+    rows = re.findall(r"^\| (.+) \|$", (ROOT / PAGE).read_text(), re.M)
+    cells = [row.split(" | ") for row in rows]
+    assert all(each[-1].strip() for each in cells)
+    return {code for each in cells for code in re.findall(r"`(\w+)`", " ".join(each[:2]))}
+
+
+def printed() -> set[str]:
+    """Causes that the package constructs."""
+    found = set()
+    for file in (ROOT / "textile_twin_core").rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text())):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "Cause" and node.args:
+                cause = node.args[0]
+                found |= {cause.value} if isinstance(cause, ast.Constant) else set()
+    return found
+
+
+def test_every_cause_has_its_advice() -> None:
+    assert "delay" in printed()
+    assert advised() >= printed() | CONTRACT
+
+
+def test_every_alarm_has_its_advice() -> None:
+    assert advised() >= set(SIDE)
