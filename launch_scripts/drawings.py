@@ -13,7 +13,7 @@ import textile_twin_core as ttc
 from textile_twin_core.recordings import open_bag
 
 ROOT = Path(__file__).resolve().parents[1]
-LINKS = ("OA", "AB", "CB", "CD", "DE", "EF")
+LINKS = (("O", "A"), ("A", "B"), ("C", "B"), ("C", "D"), ("D", "E"), ("E", "F"))
 BEGIN_S, END_S = 12.0, 12.75
 STEPS = (
     ("1  Encoder", "An angle and the time of\nits reading, 500 times\na second"),
