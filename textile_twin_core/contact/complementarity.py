@@ -98,17 +98,17 @@ def _take_in(response: FloatArray, opening: FloatArray, pushing: BoolArray, forc
     pushing[stop] = True
     if own <= _DEPENDENT * response[stop, stop]:
         # the stop takes load from the others without any motion, until one of them is free
-        load, freed = math.inf, -1
+        load, leaving = math.inf, -1
         for i in range(others.size):
             if relief[i] > _DEPENDENT and forces[others[i]] / relief[i] < load:
-                load, freed = forces[others[i]] / relief[i], others[i]
-        if freed < 0:
+                load, leaving = forces[others[i]] / relief[i], others[i]
+        if leaving < 0:
             return False
         for i in range(others.size):
             forces[others[i]] -= load * relief[i]
         forces[stop] = load
-        forces[freed] = 0.0
-        pushing[freed] = False
+        forces[leaving] = 0.0
+        pushing[leaving] = False
     while True:
         active = chosen(pushing)
         n = active.size
@@ -117,15 +117,15 @@ def _take_in(response: FloatArray, opening: FloatArray, pushing: BoolArray, forc
             right[i] = -opening[active[i]]
             for j in range(n):
                 matrix[i, j] = response[active[i], active[j]]
-        wanted = solve(matrix, right)
-        share, freed = 1.0, -1
+        target = solve(matrix, right)
+        share, leaving = 1.0, -1
         for i in range(n):
             now = forces[active[i]]
-            if wanted[i] <= 0.0 and now / (now - wanted[i] + 1e-300) <= share:
-                share, freed = now / (now - wanted[i] + 1e-300), active[i]
+            if target[i] <= 0.0 and now / (now - target[i] + 1e-300) <= share:
+                share, leaving = now / (now - target[i] + 1e-300), active[i]
         for i in range(n):
-            forces[active[i]] += share * (wanted[i] - forces[active[i]])
-        if freed < 0:
+            forces[active[i]] += share * (target[i] - forces[active[i]])
+        if leaving < 0:
             return True
-        forces[freed] = 0.0
-        pushing[freed] = False
+        forces[leaving] = 0.0
+        pushing[leaving] = False

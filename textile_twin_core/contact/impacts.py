@@ -35,10 +35,10 @@ def collide(plant: Plant, state: ContactState, drive_acceleration: float, touchi
     quiet = quiet_speed(plant, state)
     stops = touching.size
     speeds, taking_part, group = np.zeros(stops), np.zeros(stops, np.bool_), np.zeros(stops, np.bool_)
-    for rounds_left in range(IMPACT_ROUNDS, -1, -1):
+    for remaining_rounds in range(IMPACT_ROUNDS, -1, -1):
         for stop in range(stops):
             speeds[stop] = opening_speed(plant, state, stop)
-            taking_part[stop] = touching[stop] and (speeds[stop] <= quiet or rounds_left == 0)
+            taking_part[stop] = touching[stop] and (speeds[stop] <= quiet or remaining_rounds == 0)
         groups = _groups(plant, taking_part)
         struck = False
         for leader in range(stops):
@@ -49,7 +49,7 @@ def collide(plant: Plant, state: ContactState, drive_acceleration: float, touchi
             if approaching:
                 struck = True
                 members = chosen(group)
-                if not _strike(plant, state, drive_acceleration, members, speeds, quiet, rounds_left == 0, log):
+                if not _strike(plant, state, drive_acceleration, members, speeds, quiet, remaining_rounds == 0, log):
                     return False
         if not struck:
             break
@@ -124,10 +124,10 @@ def _apply_impulses(
     plant: Plant, state: ContactState, group: IntArray, before: FloatArray, approaching: BoolArray, restitution: float
 ) -> tuple[bool, FloatArray]:
     """Solve the impulses [N s] of one group of touching stops and update the velocities; return False if impossible."""
-    wanted = np.zeros(group.size)
+    target = np.zeros(group.size)
     for i in range(group.size):
-        wanted[i] = before[group[i]] * (1.0 + restitution if approaching[i] else 1.0)
-    possible, impulses, _ = one_sided_forces(response_of(plant, group), wanted)
+        target[i] = before[group[i]] * (1.0 + restitution if approaching[i] else 1.0)
+    possible, impulses, _ = one_sided_forces(response_of(plant, group), target)
     for i in range(group.size):
         for body in range(plant.masses.size):
             state.velocities[body] += plant.stops[group[i], body] * impulses[i] / plant.masses[body]

@@ -188,15 +188,15 @@ def stop_forces(plant: Plant, closed: BoolArray, series: FloatArray, h: float) -
     residual = np.zeros(bodies)
     for k in range(order - 1):
         for body in range(bodies):
-            rest = plant.masses[body] * (k + 1) * (k + 2) / (h * h) * series[body, k + 2]
+            unexplained = plant.masses[body] * (k + 1) * (k + 2) / (h * h) * series[body, k + 2]
             if k == 0:
-                rest -= plant.constant[body]
+                unexplained -= plant.constant[body]
             for other in range(bodies + 1):
-                rest += plant.stiffness[body, other] * series[other, k]
-                rest += plant.damping[body, other] * (k + 1) / h * series[other, k + 1]
+                unexplained += plant.stiffness[body, other] * series[other, k]
+                unexplained += plant.damping[body, other] * (k + 1) / h * series[other, k + 1]
             for pad in range(plant.pad_places.size):
-                rest += plant.pads[pad, body] * series[bodies + 1 + pad, k]
-            residual[body] = rest
+                unexplained += plant.pads[pad, body] * series[bodies + 1 + pad, k]
+            residual[body] = unexplained
         for j in range(numbers.size):
             along = 0.0
             for body in range(bodies):

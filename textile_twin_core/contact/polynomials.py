@@ -114,11 +114,11 @@ def first_crossing(coefficients: FloatArray, noise: float) -> float:
         swing += abs(coefficients[k])
     if swing < coefficients[order]:
         return math.inf
-    rest = coefficients[order:].copy()
-    degree = rest.size - 1
+    reduced = coefficients[order:].copy()
+    degree = reduced.size - 1
     lows, highs, waiting = np.zeros(_DEEPEST), np.zeros(_DEEPEST), np.zeros((_DEEPEST, degree + 1))
     lows[0], highs[0] = 0.0, 1.0
-    write_bernstein(rest, waiting[0])
+    write_bernstein(reduced, waiting[0])
     count = 1
     while count > 0:
         count -= 1
@@ -135,17 +135,17 @@ def first_crossing(coefficients: FloatArray, noise: float) -> float:
                 return low
             continue
         if changes == 1 and local[0] >= 0.0:
-            root = _root(rest, low, high)
-            if _dip(rest, root, order) >= noise:
+            root = _root(reduced, low, high)
+            if _dip(reduced, root, order) >= noise:
                 return root
             continue
         if high - low < _SMALLEST_WIDTH:
             return low
         middle = 0.5 * (low + high)
-        # de Casteljau: the right half stays in its row, the left half goes on top of the stack and is next
-        left = waiting[count + 1]
+        # de Casteljau: the right half stays in its row, the left_half half goes on top of the stack and is next
+        left_half = waiting[count + 1]
         for done in range(degree + 1):
-            left[done] = local[0]
+            left_half[done] = local[0]
             for k in range(degree - done):
                 local[k] = 0.5 * (local[k] + local[k + 1])
         lows[count], highs[count] = middle, high

@@ -15,7 +15,7 @@ from textile_twin_core.dynamics.drive_torque import DriveTorque
 from textile_twin_core.dynamics.motion_equation import TURN, MotionEquation, Stretch
 from textile_twin_core.errors import MotionError
 
-_MOST_EVENTS = 1_000_000
+_EVENTS_LARGEST = 1_000_000
 _TINY = 1e-8
 _ENERGY_ERROR = 2.0
 """Largest energy error of a step over tolerance times energy, as caused by a relative speed error of the tolerance."""
@@ -59,7 +59,7 @@ class Drive:
         state = np.zeros(3 + self.equation.load_count)
         state[:2] = theta0, omega0
         direction = before = int(np.sign(omega0))
-        for _ in range(_MOST_EVENTS):
+        for _ in range(_EVENTS_LARGEST):
             if direction == 0:
                 direction, moment = self._leave_standstill(time, state)
                 if direction * before < 0 and moment == time:
@@ -70,7 +70,7 @@ class Drive:
             before = direction
             time, direction = self._advance(time, state, direction)
         else:
-            raise MotionError(f"the shaft has met {_MOST_EVENTS} events by {time:.6g} s; ask for a shorter time")
+            raise MotionError(f"the shaft has met {_EVENTS_LARGEST} events by {time:.6g} s; ask for a shorter time")
         self._record_standstill(math.inf, state)
         return self._result()
 
@@ -135,8 +135,8 @@ class Drive:
             return direction, time
         self._note("stops", time, state)
         end = float(self._times[-1])
-        looks = np.union1d(np.linspace(time, end, _SCAN + 1), [b for b in self.breaks if time < b < end])
-        for low, high in zip(looks[:-1].tolist(), looks[1:].tolist(), strict=True):
+        samples = np.union1d(np.linspace(time, end, _SCAN + 1), [b for b in self.breaks if time < b < end])
+        for low, high in zip(samples[:-1].tolist(), samples[1:].tolist(), strict=True):
             if not pushed(high):
                 continue
             while low < (middle := 0.5 * (low + high)) < high:

@@ -30,7 +30,7 @@ _CHUNK: Final = 8192
 """Samples interpreted at a time, so that intermediate results stay in the cache."""
 _ABREAST: Final = {12: 4, 24: 2}
 """Interleaved vectors of samples, by the largest number of outputs; with more outputs memory is the limit."""
-_MET: Final[Counter[bytes]] = Counter()
+_SAMPLES_SEEN: Final[Counter[bytes]] = Counter()
 """Samples in long blocks so far, by code."""
 _COMPILED: Final[dict[bytes, tuple[Any, Any]]] = {}
 
@@ -63,7 +63,7 @@ class Loop:
             raise ValueError("outputs of a loop must be contiguous arrays of float64")
         n = inputs[0].shape[0]
         if n >= _LONG:
-            _MET[self._code] += n
+            _SAMPLES_SEEN[self._code] += n
         if cores == 1 or n < _LONG * cores or not self.is_compiled:
             self._fill(inputs, outputs)
             return
@@ -74,18 +74,18 @@ class Loop:
     @property
     def is_compiled(self) -> bool:
         """Return whether blocks use the compiled loop, after compiling it if enough samples have been seen."""
-        return 0 < _MET[self._code] >= self._worth and self._compiled is not None
+        return 0 < _SAMPLES_SEEN[self._code] >= self._worth and self._compiled is not None
 
     def compile_now(self) -> None:
         """Compile regardless of the number of samples seen; without a compiler nothing changes."""
-        _MET[self._code] = max(_MET[self._code], math.ceil(self._worth))
+        _SAMPLES_SEEN[self._code] = max(_SAMPLES_SEEN[self._code], math.ceil(self._worth))
         _ = self._compiled
 
     @cached_property
     def _code(self) -> bytes:
         """Return a key of the code, by which twins of similar machines share one loop."""
-        told = [*(e.rank for e in self._outputs), repr((self._inputs, self._prologue)).encode()]
-        return blake2b(b"".join(told), digest_size=12).digest()
+        parts = [*(e.rank for e in self._outputs), repr((self._inputs, self._prologue)).encode()]
+        return blake2b(b"".join(parts), digest_size=12).digest()
 
     @cached_property
     def _worth(self) -> float:

@@ -74,9 +74,9 @@ def _shift(offset: float, e: Expr) -> Expr:
         return _shift(offset + e.args[0].value, e.args[1])
     if e.op == "sub" and e.args[0].is_constant:
         return (offset + e.args[0].value) - e.args[1]
-    factor, rest = scaled(e)
+    factor, base = scaled(e)
     if factor != 1.0:
-        return factor * _shift(offset / factor, rest)
+        return factor * _shift(offset / factor, base)
     return node("add", (const(offset), e))
 
 
@@ -86,8 +86,8 @@ def negate(a: Expr) -> Expr:
         return a.args[1] - a.args[0]
     if a.op == "add" and a.args[0].is_constant:
         return node("sub", (const(-a.args[0].value), a.args[1]))
-    factor, rest = scaled(a)
-    return node("neg", (a,)) if factor == 1.0 else -factor * rest
+    factor, base = scaled(a)
+    return node("neg", (a,)) if factor == 1.0 else -factor * base
 
 
 def multiply(a: Expr, b: Expr) -> Expr:
@@ -115,8 +115,8 @@ def _scale(factor: float, e: Expr) -> Expr:
         return e
     if factor == -1.0:
         return -e
-    own, rest = scaled(e)
-    return node("mul", (const(factor), e)) if own == 1.0 else _joined(factor * own) * rest
+    own, base = scaled(e)
+    return node("mul", (const(factor), e)) if own == 1.0 else _joined(factor * own) * base
 
 
 def _less_sign(product: Expr, x: Expr) -> Expr | None:
@@ -125,8 +125,8 @@ def _less_sign(product: Expr, x: Expr) -> Expr | None:
     The result is None if there is no such factor.
     """
     if product.op == "sign":
-        rest = _less_factor(product.args[0], x)
-        return None if rest is None else make("sign", rest)
+        base = _less_factor(product.args[0], x)
+        return None if base is None else make("sign", base)
     return _in_one_factor(product, lambda factor: _less_sign(factor, x) if factor.signed else None)
 
 
@@ -158,16 +158,16 @@ def divide(a: Expr, b: Expr) -> Expr:
 
 def sign(a: Expr) -> Expr:
     """Simplify sign a."""
-    factor, rest = scaled(a)
-    return math.copysign(1.0, factor) * node("sign", (rest,))
+    factor, base = scaled(a)
+    return math.copysign(1.0, factor) * node("sign", (base,))
 
 
 def square_root(a: Expr) -> Expr:
     """Simplify the root of a, with the root of its factor in front."""
-    factor, rest = scaled(a)
+    factor, base = scaled(a)
     if factor < 0.0:
-        factor, rest = -factor, _opposite(rest)
-    return math.sqrt(factor) * node("sqrt", (rest,))
+        factor, base = -factor, _opposite(base)
+    return math.sqrt(factor) * node("sqrt", (base,))
 
 
 def _opposite(e: Expr) -> Expr:
@@ -181,9 +181,9 @@ def at_least(a: Expr, b: Expr) -> Expr:
     if b.is_constant:
         if a.op == "add" and a.args[0].is_constant:
             return make("at_least", a.args[1], b.value - a.args[0].value)
-        factor, rest = scaled(a)
+        factor, base = scaled(a)
         if factor > 0.0 and factor != 1.0:
-            return make("at_least", rest, b.value / factor)
+            return make("at_least", base, b.value / factor)
     return node("at_least", (a, b))
 
 

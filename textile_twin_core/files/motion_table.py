@@ -23,7 +23,7 @@ _NEEDED = ("theta_rad", "omega_rad_s", "alpha_rad_s2")
 _TIME = "time_s"
 _ROWS = 100_000
 """Rows per write."""
-_LEAST_AWAY_RAD, _MOST_AWAY = 0.5, 0.2
+_MISMATCH_RAD, _MISMATCH_SHARE = 0.5, 0.2
 """Disagreement of angles and speeds, absolute and relative, beyond rounding and coarse steps."""
 TABLE_SUFFIXES = (".csv", ".parquet")
 
@@ -53,12 +53,12 @@ def rotation_mismatch(motion: MotionTable) -> tuple[float, float] | None:
     """
     if motion.time_s is None or len(motion) < 2:
         return None
-    told = 0.5 * (motion.omega_rad_s[1:] + motion.omega_rad_s[:-1]) * np.diff(motion.time_s)
+    by_speed = 0.5 * (motion.omega_rad_s[1:] + motion.omega_rad_s[:-1]) * np.diff(motion.time_s)
     turned = np.diff(motion.theta_rad)
-    away = turned - told
-    away -= 2.0 * np.pi * np.rint(away / (2.0 * np.pi))
-    sizes = float(np.abs(turned).sum()), float(np.abs(told).sum())
-    if float(np.abs(np.cumsum(away)).max()) <= _LEAST_AWAY_RAD + _MOST_AWAY * min(sizes):
+    mismatch = turned - by_speed
+    mismatch -= 2.0 * np.pi * np.rint(mismatch / (2.0 * np.pi))
+    sizes = float(np.abs(turned).sum()), float(np.abs(by_speed).sum())
+    if float(np.abs(np.cumsum(mismatch)).max()) <= _MISMATCH_RAD + _MISMATCH_SHARE * min(sizes):
         return None
     return sizes
 

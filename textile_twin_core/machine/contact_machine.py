@@ -157,11 +157,11 @@ class ContactMachine(Declared):
     def _check_stiffness(self) -> None:
         """Raise MachineError for rates that need steps below a microsecond."""
         masses = {body.name: body.mass_kg for body in self.bodies}
-        held = [(s.lower, s.upper, s.stiffness_N_m / _MILLI, s.damping_Ns_m) for s in self.springs]
+        links = [(s.lower, s.upper, s.stiffness_N_m / _MILLI, s.damping_Ns_m) for s in self.springs]
         for pad in self.pads:
             at_one_mm = sum(abs(c) / _MILLI ** (power + 1) for power, c in enumerate(pad.stiffness))
-            held.append((pad.lower, pad.upper, at_one_mm, pad.damping_Ns_m))
-        for *ends, stiffness, damping in held:
+            links.append((pad.lower, pad.upper, at_one_mm, pad.damping_Ns_m))
+        for *ends, stiffness, damping in links:
             mass = min((masses[end] for end in ends if end in masses), default=math.inf)
             if max(damping / mass, math.sqrt(stiffness * _MILLI / mass)) > _FASTEST_HZ:
                 raise MachineError(

@@ -96,8 +96,8 @@ class ContactMotion:
         while first < samples.shape[1]:
             last = self._last
             sample = samples[:, first].tolist()
-            way = 0.0 if last is None else _angle_between(last, sample)
-            if last is None or abs(way) > math.pi:
+            turned = 0.0 if last is None else _angle_between(last, sample)
+            if last is None or abs(turned) > math.pi:
                 self.restarts += last is not None
                 logs = [self._begin(*sample[:4])]
                 end = first + 1
@@ -135,11 +135,11 @@ class ContactMotion:
         assert self._state is not None
         self._state.clock[0] = 0.0
         self._origin_s = last[0]
-        span, way = sample[0] - last[0], _angle_between(last, sample)
+        span, turned = sample[0] - last[0], _angle_between(last, sample)
         start, omega = last[1], last[2]
-        if last[3] == sample[3] == 0.0 and omega == sample[2] and abs(way - omega * span) <= _SAME_ANGLE:
+        if last[3] == sample[3] == 0.0 and omega == sample[2] and abs(turned - omega * span) <= _SAME_ANGLE:
             return self._follow((start, omega), 0.0, span)
-        end = (start + way, sample[2], sample[3])
+        end = (start + turned, sample[2], sample[3])
         return self._follow(quintic(span, (start, omega, last[3]), end), 0.0, span)
 
     def _follow(self, theta_series: tuple[float, ...], start_s: float, end_s: float) -> list[Log]:
@@ -215,8 +215,8 @@ def phase(angle: FloatArray) -> FloatArray:
 def _angle_between(last: list[float], sample: list[float]) -> float:
     """Compute the angle between two samples, from phase to phase, with the whole turns that their speeds imply."""
     expected = 0.5 * (last[2] + sample[2]) * (sample[0] - last[0])
-    way = sample[1] - last[1]
-    return way + TURN * round((expected - way) / TURN)
+    turned = sample[1] - last[1]
+    return turned + TURN * round((expected - turned) / TURN)
 
 
 def _straight(last: list[float], samples: FloatArray) -> int:

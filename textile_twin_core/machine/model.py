@@ -151,8 +151,8 @@ class MachineModel:
         if joint.kind == "prismatic":
             on = None if joint.parent_link == BASE else joint.parent_link
             line = GuideLine.of(motion, on, joint.origin_m, joint.axis, joint.name)
-            way, rate, _ = line.seen(motion.points[child.start]).along
-            return way, rate * omega
+            slide, rate, _ = line.seen(motion.points[child.start]).along
+            return slide, rate * omega
         if joint.parent_link == BASE:
             return self.link_angle(child.name), child.first * omega
         parent = motion.links[joint.parent_link]

@@ -233,8 +233,8 @@ class CamFollower(PlainGroup):
             norm = math.hypot(*self.guide_direction)
             return Vector.of(self.guide_direction[0] / norm, self.guide_direction[1] / norm)
         line, base, sense = self._centres(motion)[1], self._base_position(motion), self._sense
-        at_rest = line - sense * (base + math.pi / 2.0) if self._is_flat else line + math.pi + sense * base
-        return Vector(cos(lift), sense * sin(lift)).rotated(*unit_direction(at_rest))
+        on_base = line - sense * (base + math.pi / 2.0) if self._is_flat else line + math.pi + sense * base
+        return Vector(cos(lift), sense * sin(lift)).rotated(*unit_direction(on_base))
 
     def _contacts(self, motion: Motion) -> Iterator[CamContact]:
         """Yield each contact, first the one that lifts the follower."""
@@ -250,8 +250,8 @@ class CamFollower(PlainGroup):
         for (along, across), radius, lifts in rollers:
             lever = along * link.direction + across * link.direction.turned_left()
             moves = link.direction if self._slides else self._sense * lever.turned_left()
-            bends = bend * moves if self._slides else bend * moves - (slope * slope) * lever
-            yield _roller_contact(start + lever, slope * moves, bends, lifts * moves, radius, lifts)
+            bend_vector = bend * moves if self._slides else bend * moves - (slope * slope) * lever
+            yield _roller_contact(start + lever, slope * moves, bend_vector, lifts * moves, radius, lifts)
 
     def _flat_contact(self, motion: Motion, lift: Expr, slope: Expr, bend: Expr) -> CamContact:
         """Locate the contact of a flat face by the support function of the cam.
@@ -294,11 +294,13 @@ class CamFollower(PlainGroup):
     def transmission(self, motion: Motion, smallest: Sequence[float]) -> Transmission:
         """Take the transmission angle as a right angle less the pressure angle of the first contact."""
         angle = next(self._contacts(motion)).pressure_angle
-        most = -smallest_value(-angle, motion.range_rad)[1]
-        least = smallest_value(angle, motion.range_rad)[1]
+        largest_angle = -smallest_value(-angle, motion.range_rad)[1]
+        smallest_angle = smallest_value(angle, motion.range_rad)[1]
         value, radius = smallest[0], self.roller_radius_m
         margin = value if self._is_flat else radius * value / (1.0 - value) if value < 1.0 else math.inf
-        return Transmission(min(max(margin, 0.0), self.base_radius_m), (math.pi / 2.0 - most, math.pi / 2.0 - least))
+        return Transmission(
+            min(max(margin, 0.0), self.base_radius_m), (math.pi / 2.0 - largest_angle, math.pi / 2.0 - smallest_angle)
+        )
 
     @property
     def contact_forces(self) -> tuple[ContactForce, ...]:
@@ -354,10 +356,10 @@ def _roller_contact(
 ) -> CamContact:
     """Locate the contact of a roller from the derivatives of its centre, whose path on the cam runs clockwise."""
     along = first - centre.turned_left()
-    bends = second + centre - 2.0 * along.turned_left()
+    bend_vector = second + centre - 2.0 * along.turned_left()
     speed = sqrt(along.dot(along))
     normal = (1.0 / speed) * along.turned_left()
-    turning = bends.cross(along)
+    turning = bend_vector.cross(along)
     cubed = speed * speed * speed
     margin = 1.0 - radius * (turning / cubed)
     return CamContact(centre, centre - radius * normal, normal, velocity, cubed / turning - radius, margin, lifts)

@@ -113,12 +113,12 @@ class EllipticGearPair(PlainGroup):
         lag = 2.0 * atan2((2.0 * e) * (s * c), (1.0 + e) * (c * c) + (1.0 - e) * (s * s))
 
         # At the smallest ratio both gears point along the centre line, from the driven axis to the driver's.
-        rest = line + math.pi
-        turned = unit_direction(rest / 2.0)
+        towards_driver = line + math.pi
+        turned = unit_direction(towards_driver / 2.0)
         p, q = shaft.first, shaft.second
-        driver = Rotation(half.rotated(*turned), lead + rest, p, q)
+        driver = Rotation(half.rotated(*turned), lead + towards_driver, p, q)
         driven_half = Vector(near / norm, -(far / norm)).rotated(*turned)
-        driven = Rotation(driven_half, lag - lead + rest, -(ratio * p), -(growth * (p * p) + ratio * q))
+        driven = Rotation(driven_half, lag - lead + towards_driver, -(ratio * p), -(growth * (p * p) + ratio * q))
         motion.rotations[self.driven] = driven
         for gear, axis, end, rotation in (
             (self.driver, self.at, self.ends[0], driver),

@@ -143,10 +143,10 @@ class GearPair(PlainGroup):
         """Add the driven gear, its end, its shaft and the mesh point."""
         line, driver = self.centre_line(motion), self._driver(motion)
         centre, k = motion.points[self.driven_at], self.ratio
-        share, rest = float(k), float(1 - k)
+        share, of_rest = float(k), float(1 - k)
 
         def mixed(of_carrier: Expr, of_driver: Expr) -> Expr:
-            return rest * of_carrier + share * of_driver
+            return of_rest * of_carrier + share * of_driver
 
         angle = mixed(line.turning.angle, driver.angle)
         p, q = mixed(line.turning.first, driver.first), mixed(line.turning.second, driver.second)

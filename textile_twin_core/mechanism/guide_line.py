@@ -71,15 +71,15 @@ class GuideLine:
         y2 = w.dot(n) - 2.0 * (p * x1) - q * x + (p * p) * y
         return Seen((x, x1, x2), (y, y1, y2))
 
-    def point(self, way: Expr, first: Expr, second: Expr) -> PointMotion:
+    def point(self, slide: Expr, first: Expr, second: Expr) -> PointMotion:
         """Express the point at a position along the guide [m], given the position's derivatives."""
         e, p, q = self.direction, self.first, self.second
         if self.on is None:
-            return PointMotion.sliding(self.origin.position + way * e, e, first, second)
+            return PointMotion.sliding(self.origin.position + slide * e, e, first, second)
         n = e.turned_left()
-        along = self.origin.first + first * e + (way * p) * n
-        bend = self.origin.second + (second - way * (p * p)) * e + (2.0 * (first * p) + way * q) * n
-        return PointMotion(self.origin.position + way * e, along, bend, along.dot(along), along.dot(bend))
+        along = self.origin.first + first * e + (slide * p) * n
+        bend = self.origin.second + (second - slide * (p * p)) * e + (2.0 * (first * p) + slide * q) * n
+        return PointMotion(self.origin.position + slide * e, along, bend, along.dot(along), along.dot(bend))
 
     def joint(self, slider: str) -> Joint:
         """Return the sliding joint of a slider in the guide."""
@@ -119,7 +119,7 @@ def check_slot(what: str, slot_m: tuple[float, float] | None) -> None:
         raise MachineError(f"{what}: slot_m must be two rising, finite distances in metres, not {list(slot_m)!r}")
 
 
-def slot_ends(slider: str, way: Expr, slot_m: tuple[float, float] | None) -> tuple[Closure, ...]:
+def slot_ends(slider: str, slide: Expr, slot_m: tuple[float, float] | None) -> tuple[Closure, ...]:
     """Return the closures that are positive while a slider stays within the ends of its slot."""
     if slot_m is None:
         return ()
@@ -127,5 +127,5 @@ def slot_ends(slider: str, way: Expr, slot_m: tuple[float, float] | None) -> tup
     words = "leaves its slot", "it begins", "lengthen slot_m, or change what drives the slider"
     return tuple(
         Closure(f"'{slider}' passes the end of its slot at {end:g} m", value, high - low, *words, limit=True)
-        for end, value in ((low, way - low), (high, high - way))
+        for end, value in ((low, slide - low), (high, high - slide))
     )

@@ -14,8 +14,8 @@ from textile_twin_core.errors import MachineError
 from textile_twin_core.mechanism.motion_law import TURN, MotionLaw, Section
 
 _FIT_KNOTS_LARGEST = 8192
-_LOOKS = 4097
-_MOST_RINGING = 1.5
+_SAMPLES = 4097
+_LARGEST_OVERSHOOT = 1.5
 """Largest range of the spline over that of its points; six points on a sine span at least 7/8 of its range."""
 
 
@@ -76,13 +76,13 @@ def _periodic_spline(angles: FloatArray, positions: FloatArray) -> scipy.interpo
 
 
 def _check_between(spline: scipy.interpolate.PPoly, angles: FloatArray, positions: FloatArray) -> None:
-    """Raise MachineError if the range of the spline exceeds `_MOST_RINGING` times that of its points."""
-    over_turn = spline(np.linspace(angles[0], angles[-1], _LOOKS))
-    least, most = float(positions.min()), float(positions.max())
-    rounding = 1e-12 * max(abs(least), abs(most))
-    if np.ptp(over_turn) > _MOST_RINGING * (most - least) + rounding:
+    """Raise MachineError if the range of the spline exceeds `_LARGEST_OVERSHOOT` times that of its points."""
+    over_turn = spline(np.linspace(angles[0], angles[-1], _SAMPLES))
+    lowest, highest = float(positions.min()), float(positions.max())
+    rounding = 1e-12 * max(abs(lowest), abs(highest))
+    if np.ptp(over_turn) > _LARGEST_OVERSHOOT * (highest - lowest) + rounding:
         raise MachineError(
-            f"the motion table lies from {least:g} to {most:g}, but the smooth curve through it from "
+            f"the motion table lies from {lowest:g} to {highest:g}, but the smooth curve through it from "
             f"{over_turn.min():.3g} to {over_turn.max():.3g}: give more points where it bends"
         )
 

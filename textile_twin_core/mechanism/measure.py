@@ -114,21 +114,21 @@ class Arc:
             )
         scale = float(self.sense) * self.radius_m
         swing = Displacement(scale * angle, scale * link.first, scale * link.second)
-        return Displacement(swing.position - _least(swing, motion.range_rad), swing.first, swing.second)
+        return Displacement(swing.position - _minimum(swing, motion.range_rad), swing.first, swing.second)
 
     def tool(self, motion: Motion) -> str:
         """Return the link's end."""
         return motion.link(self.link, self.name).end
 
 
-def _least(swing: Displacement, range_rad: tuple[float, float]) -> Expr:
+def _minimum(swing: Displacement, range_rad: tuple[float, float]) -> Expr:
     """Express the minimum of a displacement as a function of its parameters.
 
     Newton's method follows the minimum from its angle at the present parameters.
     """
-    place, least = smallest_value(swing.position, range_rad)
+    place, minimum = smallest_value(swing.position, range_rad)
     if all(node.op != "parameter" for node in topological_order([swing.position])):
-        return const(least)
+        return const(minimum)
     theta: Expr = const(place)
     if abs(values_over(swing.first, np.array([place]))[0]) < _TURNING * abs(
         values_over(swing.second, np.array([place]))[0]

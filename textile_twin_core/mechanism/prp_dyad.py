@@ -94,33 +94,33 @@ class PRPDyad(PlainGroup):
         def positions(between: Vector) -> tuple[Expr, Expr]:
             return between.cross(two.direction) / sine, between.cross(one.direction) / sine
 
-        way = positions(two.origin.position - one.origin.position)
+        slide = positions(two.origin.position - one.origin.position)
         carried = [
             line.origin.first + (x * line.first) * line.direction.turned_left()
-            for line, x in zip((one, two), way, strict=True)
+            for line, x in zip((one, two), slide, strict=True)
         ]
         rate = positions(carried[1] - carried[0])
         bent = [
             line.origin.second
             + (2.0 * (v * line.first) + x * line.second) * line.direction.turned_left()
             - (x * (line.first * line.first)) * line.direction
-            for line, x, v in zip((one, two), way, rate, strict=True)
+            for line, x, v in zip((one, two), slide, rate, strict=True)
         ]
         bend = positions(bent[1] - bent[0])
-        return GuideCrossing(sine, ((way[0], rate[0], bend[0]), (way[1], rate[1], bend[1])))
+        return GuideCrossing(sine, ((slide[0], rate[0], bend[0]), (slide[1], rate[1], bend[1])))
 
     def solve(self, motion: Motion) -> None:
         """Add both sliders, their joint and their tips."""
         lines, positions = self.lines(motion), self.crossing(motion).positions
         straight = 1 if lines[1].on is None else 0  # the guide on the ground, if there is one
         motion.add_point(self.end, lines[straight].point(*positions[straight]), self.name)
-        for slider, tip, length, line, (way, rate, bend) in zip(
+        for slider, tip, length, line, (slide, rate, bend) in zip(
             self.sliders, self.tips, self.lengths_m, lines, positions, strict=True
         ):
             slides = Sliding(rate, line.on)
             link = LinkMotion(slider, self.end, tip, length, line.direction, line.first, line.second, None, slides)
             motion.add_link(link, self.name)
-            motion.add_point(tip, line.point(way + length, rate, bend), self.name)
+            motion.add_point(tip, line.point(slide + length, rate, bend), self.name)
 
     def closures(self, motion: Motion) -> tuple[Closure, ...]:
         """Require guides that are not parallel, and sliders within their slots."""
@@ -129,8 +129,8 @@ class PRPDyad(PlainGroup):
         sense = 1.0 if float(np.median(sines)) >= 0.0 else -1.0
         parallel = f"the guides of '{self.sliders[0]}' and '{self.sliders[1]}' come parallel"
         ends = (
-            slot_ends(slider, way[0], guide.slot_m)
-            for slider, way, guide in zip(self.sliders, found.positions, self.guides, strict=True)
+            slot_ends(slider, slide[0], guide.slot_m)
+            for slider, slide, guide in zip(self.sliders, found.positions, self.guides, strict=True)
         )
         return Closure(parallel, sense * found.sine, 1.0), *(end for both in ends for end in both)
 
@@ -138,9 +138,12 @@ class PRPDyad(PlainGroup):
         """Take the angle between the guides; the distance is how far they diverge over the shorter slider's length."""
         one, two = self.lines(motion)
         cosine = one.direction.dot(two.direction)
-        least, most = smallest_value(cosine, motion.range_rad)[1], -smallest_value(-cosine, motion.range_rad)[1]
+        smallest_angle, largest_angle = (
+            smallest_value(cosine, motion.range_rad)[1],
+            -smallest_value(-cosine, motion.range_rad)[1],
+        )
         near = math.asin(min(1.0, max(smallest[0], 0.0)))
-        low, high = (math.acos(max(-1.0, min(1.0, value))) for value in (most, least))
+        low, high = (math.acos(max(-1.0, min(1.0, value))) for value in (largest_angle, smallest_angle))
         return Transmission(math.sin(near) * min(self.lengths_m), (max(low, near), min(high, math.pi - near)))
 
     def joints(self, motion: Motion) -> tuple[Joint, ...]:
@@ -154,9 +157,9 @@ class PRPDyad(PlainGroup):
         one, two = self.lines(motion)
         (first_force, first_moment), (second_force, second_moment) = (wrenches.on(s) for s in self.sliders)
         along_one, along_two = first_force.dot(one.direction), -second_force.dot(two.direction)
-        left_one, left_two = one.direction.turned_left(), two.direction.turned_left()
-        joint = (1.0 / one.direction.cross(two.direction)) * (along_two * left_one - along_one * left_two)
+        across_one, across_two = one.direction.turned_left(), two.direction.turned_left()
+        joint = (1.0 / one.direction.cross(two.direction)) * (along_two * across_one - along_one * across_two)
         at = motion.points[self.end].position
         wrenches.add_reaction(self.end, joint)  # force of the first slider on the second
-        one.bear(wrenches, self.sliders[0], at, (joint - first_force).dot(left_one), -first_moment)
-        two.bear(wrenches, self.sliders[1], at, -(joint + second_force).dot(left_two), -second_moment)
+        one.bear(wrenches, self.sliders[0], at, (joint - first_force).dot(across_one), -first_moment)
+        two.bear(wrenches, self.sliders[1], at, -(joint + second_force).dot(across_two), -second_moment)

@@ -100,9 +100,9 @@ class RPPDyad(PlainGroup):
         slider = LinkMotion(self.slider, self.end, tip, slider_length, line.direction, p, q, sliding=along)
         motion.add_link(block, self.name)
         motion.add_link(slider, self.name)
-        way, *rates = positions.along
-        motion.add_point(self.end, line.point(way, *rates), self.name)
-        motion.add_point(tip, line.point(way + slider_length, *rates), self.name)
+        slide, *rates = positions.along
+        motion.add_point(self.end, line.point(slide, *rates), self.name)
+        motion.add_point(tip, line.point(slide + slider_length, *rates), self.name)
         motion.add_point(block_tip, block.end_motion(pin), self.name)
 
     def closures(self, motion: Motion) -> tuple[Closure, ...]:
@@ -118,7 +118,7 @@ class RPPDyad(PlainGroup):
     def balance(self, wrenches: Wrenches) -> None:
         """Solve the force across the slot from the slider's balance; the pin bears the block's load along the slot."""
         motion = wrenches.motion
-        line, (way, *_) = self.guide(motion), self.positions(motion).across
+        line, (slide, *_) = self.guide(motion), self.positions(motion).across
         _, sine = unit_direction(self.slot_angle_rad)
         across: Vector = motion.links[self.block].direction.turned_left()
         block_force, block_moment = wrenches.on(self.block)
@@ -129,7 +129,7 @@ class RPPDyad(PlainGroup):
         wrenches.guide_reactions[self.block] = -size
         wrenches.transmitted[self.block] = -block_moment
         bears = -(pressed + slider_force).dot(line.direction.turned_left())
-        moment = -(slider_moment + block_moment + way * size)
+        moment = -(slider_moment + block_moment + slide * size)
         line.bear(wrenches, self.slider, motion.points[self.end].position, bears, moment)
         wrenches.add_reaction(self.from_point, pin)
         wrenches.pull_on_point(self.from_point, -pin)

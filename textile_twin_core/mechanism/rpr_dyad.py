@@ -42,7 +42,7 @@ class PinInSlot:
     """Position of the pin in the slot: D^2 and s, s', s'' [m], and u, p, q of the slot's direction."""
 
     distance_squared: Expr
-    way: tuple[Expr, Expr, Expr]
+    slide: tuple[Expr, Expr, Expr]
     direction: Vector
     first: Expr
     second: Expr
@@ -112,7 +112,7 @@ class RPRDyad(PlainGroup):
         pin, centre = motion.point(self.from_point, self.name), motion.point(self.pivot, self.name)
         slot = self.slot(motion)
         u, p, q = slot.direction, slot.first, slot.second
-        slides = Sliding(slot.way[1], self.lever)
+        slides = Sliding(slot.slide[1], self.lever)
         slider = LinkMotion(self.slider, self.from_point, self.tip, self.lengths_m[0], u, p, q, sliding=slides)
         lever = LinkMotion(self.lever, self.pivot, self.end, self.lengths_m[1], u, p, q)
         motion.add_link(slider, self.name)
@@ -151,9 +151,9 @@ class RPRDyad(PlainGroup):
             p = p + e * (rate * inverse_squared)
             q = q + e * ((bend - 2.0 * (rate * rate) * (s * inverse_squared)) * inverse_squared)
         w, v = shaft.first, shaft.second
-        way = s, rate * w, bend * (w * w) + rate * v
+        slide = s, rate * w, bend * (w * w) + rate * v
         d = towards * crank.apart
-        return PinInSlot(squared, way, self._along(d, s, squared), p * w, q * (w * w) + p * v)
+        return PinInSlot(squared, slide, self._along(d, s, squared), p * w, q * (w * w) + p * v)
 
     def _between(self, pin: PointMotion, centre: PointMotion) -> PinInSlot:
         """Solve the slot for any motion of the two pins, from the loop closure."""
@@ -184,16 +184,16 @@ class RPRDyad(PlainGroup):
         how = f"the pin of '{self.slider}' comes to '{self.pivot}'" + (" within offset_m" if e else "")
         scale = float(values_over(slot.distance_squared, np.linspace(*motion.range_rad, _SAMPLES)).max())
         s_squared = slot.distance_squared - e * e if e else slot.distance_squared
-        return Closure(how, s_squared, scale), *slot_ends(self.slider, slot.way[0], self.slot_m)
+        return Closure(how, s_squared, scale), *slot_ends(self.slider, slot.slide[0], self.slot_m)
 
     def transmission(self, motion: Motion, smallest: Sequence[float]) -> Transmission:
         """Take the angle between the slot's normal and the direction in which the lever moves the pin."""
         slot, e = self.slot(motion), abs(self.offset_m)
-        least = math.sqrt(max(smallest[0], 0.0))
+        smallest_s = math.sqrt(max(smallest[0], 0.0))
         most = math.sqrt(-smallest_value(-(slot.distance_squared - e * e), motion.range_rad)[1])
-        away = least * least / (e + math.hypot(least, e)) if e else least
-        angles = (math.atan2(least, e), math.atan2(most, e)) if e else (math.pi / 2.0, math.pi / 2.0)
-        return Transmission(away, angles)
+        distance = smallest_s * smallest_s / (e + math.hypot(smallest_s, e)) if e else smallest_s
+        angles = (math.atan2(smallest_s, e), math.atan2(most, e)) if e else (math.pi / 2.0, math.pi / 2.0)
+        return Transmission(distance, angles)
 
     def joints(self, motion: Motion) -> tuple[Joint, ...]:
         """Return the turning joint of the lever and the sliding joint of the slider."""
@@ -206,9 +206,9 @@ class RPRDyad(PlainGroup):
         normal = slot.direction.turned_left()
         slider_force, slider_moment = wrenches.on(self.slider)
         lever_force, lever_moment = wrenches.on(self.lever)
-        pressed = (-((slider_moment + lever_moment) / slot.way[0])) * normal  # total force of the slider on the lever
+        pressed = (-((slider_moment + lever_moment) / slot.slide[0])) * normal  # total force of the slider on the lever
         pin, centre = pressed - slider_force, -pressed - lever_force
-        wrenches.guide_reactions[self.slider] = (slider_moment + lever_moment) / slot.way[0]
+        wrenches.guide_reactions[self.slider] = (slider_moment + lever_moment) / slot.slide[0]
         wrenches.transmitted[self.slider] = -slider_moment
         wrenches.add_reaction(self.from_point, pin)
         wrenches.add_reaction(self.pivot, centre)

@@ -132,7 +132,7 @@ class RRPDyad(PlainGroup):
         offset, drift, _ = seen.across
         u = (1.0 / rod_length) * (reach * along - offset * across)
         p, q = self._rod_rates(motion)  # rate of the rod relative to the guide
-        way = seen.along[0] + reach
+        slide = seen.along[0] + reach
         rates = seen.along[1] + offset * p, seen.along[2] + offset * q + drift * p
         slides = Sliding(rates[0], self.guide_on)
         first, second = p + line.first, q + line.second
@@ -140,8 +140,8 @@ class RRPDyad(PlainGroup):
         turning = line.first, line.second
         slider = LinkMotion(self.slider, self.end, self.tip, slider_length, along, *turning, sliding=slides)
         motion.add_link(slider, self.name)
-        motion.add_point(self.end, line.point(way, *rates), self.name)
-        motion.add_point(self.tip, line.point(way + slider_length, *rates), self.name)
+        motion.add_point(self.end, line.point(slide, *rates), self.name)
+        motion.add_point(self.tip, line.point(slide + slider_length, *rates), self.name)
 
     def _rod_rates(self, motion: Motion) -> tuple[Expr, Expr]:
         """Express the first and second derivative, by theta, of the rod's angle relative to the guide."""

@@ -41,5 +41,5 @@ def transmission_angles(stretched: float, folded: float, whole: float) -> tuple[
         folded: smallest value of the second closure.
         whole: sum of the two closures at any angle.
     """
-    smallest, rest = (2.0 * math.asin(min(1.0, math.sqrt(v / whole))) for v in (folded, stretched))
-    return smallest, math.pi - rest
+    smallest, supplement = (2.0 * math.asin(min(1.0, math.sqrt(v / whole))) for v in (folded, stretched))
+    return smallest, math.pi - supplement

@@ -32,13 +32,13 @@ def handloom_rows() -> tuple[PublishedRow, ...]:
     names = ("beater_position_m", "beater_velocity_m_s", "beater_acceleration_m_s2")
     position, velocity, acceleration = over_a_turn(machine, names, CRANK_RAD_S, _SAMPLES).values()
     swing = math.degrees(float(np.ptp(position)) / parameters["arm_m"])
-    largest, other_way = float(-acceleration.min()), float(acceleration.max())
+    largest, reversed_motion = float(-acceleration.min()), float(acceleration.max())
     motion: list[PrintedAndOurs] = [
         ("swing of the beater", "deg", 30.0, swing, "the lengths are rounded to 0.1 mm"),
         ("largest speed of the beater", "m/s", None, float(np.abs(velocity).max()), ""),
         ("largest acceleration of the beater", "m/s^2", 25.0, largest, ""),
         ("its acceleration at the front dead centre", "m/s^2", None, float(-acceleration[position.argmax()]), ""),
-        ("its largest acceleration the other way", "m/s^2", None, other_way, ""),
+        ("its largest acceleration the other way", "m/s^2", None, reversed_motion, ""),
         ("largest beat-up force", "N", "over 60", parameters["beater_kg"] * largest, ""),
         *_about_beat_up(machine),
     ]

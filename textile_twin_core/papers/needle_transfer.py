@@ -101,11 +101,11 @@ def _reading(machines: dict[str, ContactMachine], fitted: str) -> list[PrintedAn
         rows.append((f"{design}: largest acceleration of 2", "ms", printed, ours.deceleration_s * 1e3, why))
         once = "printed once for both designs"
         rows.append((f"{design}: elements 2 and 3 meet", "ms", COLLETS_MEET_MS, ours.contact_s * 1e3, once))
-        said = "leaves" if design == "original" else "does not leave"
+        stated = "leaves" if design == "original" else "does not leave"
         leaves = ours.leaves_pin_m * 1e3
         against = "against print: why the pad begins at 94.9 mm by default"
         odd = against if design == "optimised" and leaves > _CLOSE_MM else ""
-        rows.append((f"{design}: element 2 leaves its pin by", "mm", said, leaves, odd))
+        rows.append((f"{design}: element 2 leaves its pin by", "mm", stated, leaves, odd))
     return rows
 
 

@@ -128,10 +128,10 @@ def _(load: PointDamping, name: str, turn: Turn) -> Any:
 def _(load: Spring, name: str, turn: Turn) -> Any:
     chain = turn.chain
     a, b = chain.points[load.from_point], chain.points[load.to_point]
-    way = b.position - a.position
-    length = np.abs(way)
+    span = b.position - a.position
+    length = np.abs(span)
     pull = chain.number(f"{name}.stiffness_N_m") * (length - chain.number(f"{name}.free_length_m"))
-    slope = (np.conj(way) * (b.first - a.first)).real / length
+    slope = (np.conj(span) * (b.first - a.first)).real / length
     return (pull + chain.number(f"{name}.preload_N")) * slope
 
 

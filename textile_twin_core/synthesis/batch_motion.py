@@ -296,17 +296,17 @@ def _(group: EllipticGearPair, chain: Chain) -> None:
     k = chain.number(f"{group.driver}.axis_ratio")
     e = np.sqrt((1.0 - k) * (1.0 + k))
     line = chain.points[group.driven_at].position - chain.points[group.at].position
-    rest = -line / np.abs(line)
+    towards_driver = -line / np.abs(line)
     turn = shaft * np.exp(1j * chain.number(f"{group.driver}.phase_rad"))
     width = 1.0 + e * turn
     norm = width.real**2 + width.imag**2
     ratio = (1.0 - e * e) / norm
     growth = 2.0 * e * turn.imag * ratio / norm
-    driven = np.conj((turn + e) / width) * rest
+    driven = np.conj((turn + e) / width) * towards_driver
     rate, change = -ratio * p, -(growth * p * p + ratio * q)
     chain.rotations[group.driven] = driven, rate, change
     length = e * np.abs(line)
-    _add(chain, group.driver, group.ends[0], LinkBatch(chain.points[group.at], length, turn * rest, p, q))
+    _add(chain, group.driver, group.ends[0], LinkBatch(chain.points[group.at], length, turn * towards_driver, p, q))
     _add(chain, group.driven, group.ends[1], LinkBatch(chain.points[group.driven_at], length, driven, rate, change))
 
 

@@ -62,7 +62,7 @@ def _of_linkage(machine: Machine) -> Iterator[Slot]:
         name = body.on if seen[body.on] == 1 else f"{body.on}#{seen[body.on]}"
         yield from (Slot(f"{name}.{what}", "bodies", i, what) for what in ("mass_kg", "inertia_kgm2"))
         yield from (
-            Slot(f"{name}.centroid_{way}", "bodies", i, "centroid", k) for k, way in enumerate(("along", "across"))
+            Slot(f"{name}.centroid_{axis}", "bodies", i, "centroid", k) for k, axis in enumerate(("along", "across"))
         )
     for i, measure in enumerate(machine.measures):
         if isinstance(measure, Arc):
@@ -182,9 +182,9 @@ def write(machine: AnyMachine, values: Mapping[str, float]) -> AnyMachine:
         slot = known.get(name)
         if slot is None:
             raise SceneError(f"machine '{machine.name}' has no number '{name}'")
-        held = entries.setdefault(slot.field, _entries(machine, slot.field))
-        held[slot.entry] = _replaced(held[slot.entry], slot, float(value))
-    changes = {field: _field(machine, field, held) for field, held in entries.items()}
+        declared = entries.setdefault(slot.field, _entries(machine, slot.field))
+        declared[slot.entry] = _replaced(declared[slot.entry], slot, float(value))
+    changes = {field: _field(machine, field, declared) for field, declared in entries.items()}
     return dataclasses.replace(machine, **changes) if changes else machine
 
 
@@ -204,14 +204,14 @@ def _with(entry: Any, path: tuple[int | str, ...], value: float) -> Any:
 
 
 def _entries(machine: AnyMachine, field: str) -> dict[int | str, Any]:
-    held = getattr(machine, field)
-    if isinstance(held, DrivenElement):
-        held = held.strokes
-    return dict(held) if isinstance(held, Mapping) else dict(enumerate(held))
+    declared = getattr(machine, field)
+    if isinstance(declared, DrivenElement):
+        declared = declared.strokes
+    return dict(declared) if isinstance(declared, Mapping) else dict(enumerate(declared))
 
 
 def _field(machine: AnyMachine, field: str, entries: dict[int | str, Any]) -> Any:
-    held = getattr(machine, field)
-    if isinstance(held, DrivenElement):
-        return dataclasses.replace(held, strokes=tuple(entries.values()))
-    return entries if isinstance(held, Mapping) else tuple(entries.values())
+    declared = getattr(machine, field)
+    if isinstance(declared, DrivenElement):
+        return dataclasses.replace(declared, strokes=tuple(entries.values()))
+    return entries if isinstance(declared, Mapping) else tuple(entries.values())

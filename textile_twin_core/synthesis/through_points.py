@@ -23,7 +23,7 @@ _STARTS = 384
 _ROUNDS = 8
 _STEPS = 40
 _STEP = 1e-7
-_HELD = 1e-11
+_LARGEST_MISS = 1e-11
 """Largest miss of a point by a solution, in units of the task's size."""
 _LONGEST = 8.0
 """Largest length of a link, in units of the task's size."""
@@ -130,7 +130,7 @@ def _accepted(unknowns: FloatArray, side: FloatArray, task: ComplexArray, smalle
     with np.errstate(invalid="ignore"):
         miss = np.abs(_misses(unknowns, side, task)).max(axis=1)
         mu = worst_transmission(designs)
-        good = (miss < _HELD) & are_crank_rockers(designs) & (mu >= smallest_mu_rad)
+        good = (miss < _LARGEST_MISS) & are_crank_rockers(designs) & (mu >= smallest_mu_rad)
         good &= (np.abs(designs[:, :7]) < _LONGEST).all(axis=1) & (designs[:, 4] > 0.02)
     out: list[Found] = []
     for i in np.flatnonzero(good).tolist():

@@ -165,11 +165,11 @@ def _cut_normal(random: np.random.Generator, samples: int) -> FloatArray:
     return drawn
 
 
-def _corners(random: np.random.Generator, tolerances: Mapping[str, float], most: int) -> dict[str, FloatArray]:
-    if 2 ** len(tolerances) <= most:
+def _corners(random: np.random.Generator, tolerances: Mapping[str, float], largest_count: int) -> dict[str, FloatArray]:
+    if 2 ** len(tolerances) <= largest_count:
         signs = np.array(list(itertools.product((-1.0, 1.0), repeat=len(tolerances))))
     else:
-        signs = random.choice([-1.0, 1.0], (most, len(tolerances)))
+        signs = random.choice([-1.0, 1.0], (largest_count, len(tolerances)))
     return {p: signs[:, k] * tolerance for k, (p, tolerance) in enumerate(tolerances.items())}
 
 

@@ -22,7 +22,7 @@ Spectrum: TypeAlias = npt.NDArray[np.complex128]
 
 MOST_HARMONICS = 64
 CLOSE_ENOUGH = 1e-3
-_MOST_RINGING = 1.1
+_LARGEST_OVERSHOOT = 1.1
 _APART = 1e-9
 _SAMPLES = 4096
 _TURN = 2.0 * math.pi
@@ -106,7 +106,7 @@ class PeriodicTable:
         values = np.array([*self.values, self.values[0]])
         smooth = scipy.interpolate.CubicSpline(angles, values, bc_type="periodic")
         over_turn = smooth(np.linspace(angles[0], angles[-1], _SAMPLES))
-        if np.ptp(over_turn) <= _MOST_RINGING * np.ptp(values):
+        if np.ptp(over_turn) <= _LARGEST_OVERSHOOT * np.ptp(values):
             return smooth
         slopes, after = smooth(angles, 1), np.diff(values) / np.diff(angles)
         before, after = np.append(after[-1], after), np.append(after, after[0])

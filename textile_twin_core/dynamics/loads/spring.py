@@ -58,9 +58,9 @@ class Spring(Uneventful):
     def _pull(self, context: LoadContext) -> Vector:
         """Express the pull on the first point towards the second, per unit of stiffness [m]."""
         a, b = (context.motion.point(name, "spring") for name in (self.from_point, self.to_point))
-        way = b.position - a.position
+        span = b.position - a.position
         slack = self.free_length_m - self.preload_N / self.stiffness_N_m
-        return (1.0 - slack / sqrt(way.dot(way))) * way
+        return (1.0 - slack / sqrt(span.dot(span))) * span
 
 
 @dataclass(frozen=True)

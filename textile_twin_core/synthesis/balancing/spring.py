@@ -77,9 +77,9 @@ def _fit(machine: Machine, start: str, end: str, theta: FloatArray, before: Floa
     effect = np.zeros((theta.size, 2))
     for linkage in machine.model.linkages:  # each linkage carries such a spring, as it carries every load
         here = linkage.motion.points
-        way = here[end].position - here[start].position
-        length = sqrt(way.dot(way))
-        slope = way.dot(here[end].first - here[start].first) / length
+        span = here[end].position - here[start].position
+        length = sqrt(span.dot(span))
+        slope = span.dot(here[end].first - here[start].first) / length
         d, d_slope = over_turn([length, slope], theta)
         if not d.min() > _SHORTEST * d.max() or not np.ptp(d) > 1e-9 * d.max():
             return None, np.inf
