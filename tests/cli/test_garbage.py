@@ -16,7 +16,7 @@ from textile_twin_core.recordings import BagWriter
 
 SETTINGS = [
     ("tufting", "l1_m=1e300", "l1_m"),
-    ("tufting", "l1_m=1e-300", "cannot be reckoned with"),
+    ("tufting", "l1_m=1e-300", "computation fails"),
     ("tufting", "backing_force_N=1e308", "at most 1e+12"),
     ("handloom_beatup", "ground_m=0", "coincide at (0, 0) m"),
     ("handloom_beatup", "ground_angle_rad=inf", "ground_angle_rad"),
@@ -24,7 +24,7 @@ SETTINGS = [
     ("elliptic_gear_beatup", "centre_line_rad=nan", "centre_line_rad"),
     ("needle_transfer", "motion_law=0.5", "motion_law"),
     ("needle_transfer", "stroke_m=1e300", "stroke_m"),
-    ("needle_transfer", "cycles_per_minute=1e-300", "cannot be reckoned with"),
+    ("needle_transfer", "cycles_per_minute=1e-300", "computation fails"),
     ("needle_transfer", "pad_linear_N_mm=1e12", "too stiff"),
     ("needle_transfer", "pad_damping_Ns_m=1e12", "too stiff"),
     ("needle_transfer", "element_3_kg=1e-12", "too stiff"),
@@ -77,7 +77,7 @@ def test_a_speed_beyond_arithmetic(tmp_path: Path, capsys: pytest.CaptureFixture
         "theta_rad,omega_rad_s,alpha_rad_s2,time_s\n" + "".join(f"{k},1e300,0,{k}e-300\n" for k in range(5))
     )
     words = ["simulate", "needle_transfer", "--input", str(motion), "--out", str(tmp_path / "o.csv")]
-    assert "cannot be reckoned with" in _refused(words, capsys)
+    assert "computation fails" in _refused(words, capsys)
 
 
 def test_a_cell_without_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -103,7 +103,7 @@ def test_a_recording_with_flipped_bits(tmp_path: Path, capsys: pytest.CaptureFix
 
 
 def test_a_machine_made_in_python_is_refused_alike() -> None:
-    with pytest.raises(MachineError, match=r"tufting.*cannot be reckoned with"):
+    with pytest.raises(MachineError, match=r"tufting.*computation fails"):
         machines.tufting(l1_m=1e300)
 
 

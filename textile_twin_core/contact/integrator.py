@@ -152,7 +152,7 @@ class ContactIntegrator:
                 "set the limits so that a spring or pad stands between them"
             )
         if end == stepping.DIVERGES:
-            return ContactError(f"the motion cannot be reckoned with beyond {time_s:.9g} s; look for a wrong unit")
+            return ContactError(f"the computation fails at {time_s:.9g} s; look for a wrong unit")
         part = (self.model.stops if end == stepping.ENDLESS_STOP else self.model.pads)[number]
         return ContactError(
             f"{part.name}: {log.counts[0]} events up to {time_s:.9g} s, no end; "

@@ -30,7 +30,7 @@ _CHUNK: Final = 8192
 """Samples interpreted at a time, so that intermediate results stay in the cache."""
 _ABREAST: Final = {12: 4, 24: 2}
 """Interleaved vectors of samples, by the largest number of outputs; with more outputs memory is the limit."""
-_SAMPLES_SEEN: Final[Counter[bytes]] = Counter()
+_MET: Final[Counter[bytes]] = Counter()
 """Samples in long blocks so far, by code."""
 _COMPILED: Final[dict[bytes, tuple[Any, Any]]] = {}
 
@@ -63,7 +63,7 @@ class Loop:
             raise ValueError("outputs of a loop must be contiguous arrays of float64")
         n = inputs[0].shape[0]
         if n >= _LONG:
-            _SAMPLES_SEEN[self._code] += n
+            _MET[self._code] += n
         if cores == 1 or n < _LONG * cores or not self.is_compiled:
             self._fill(inputs, outputs)
             return
@@ -74,11 +74,11 @@ class Loop:
     @property
     def is_compiled(self) -> bool:
         """Return whether blocks use the compiled loop, after compiling it if enough samples have been seen."""
-        return 0 < _SAMPLES_SEEN[self._code] >= self._worth and self._compiled is not None
+        return 0 < _MET[self._code] >= self._worth and self._compiled is not None
 
     def compile_now(self) -> None:
         """Compile regardless of the number of samples seen; without a compiler nothing changes."""
-        _SAMPLES_SEEN[self._code] = max(_SAMPLES_SEEN[self._code], math.ceil(self._worth))
+        _MET[self._code] = max(_MET[self._code], math.ceil(self._worth))
         _ = self._compiled
 
     @cached_property

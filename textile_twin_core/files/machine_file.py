@@ -26,7 +26,7 @@ from textile_twin_core.machine import (
     Sensors,
     ShaftPlace,
 )
-from textile_twin_core.machine.sizes import check_size, reckonable
+from textile_twin_core.machine.sizes import check_size, computable
 from textile_twin_core.mechanism import MAIN_SHAFT, Linkage
 from textile_twin_core.mechanism.linkage import BEYOND_DYADS
 
@@ -98,7 +98,7 @@ def load_machine_file(path: str | Path) -> AnyMachine:
     document = read_yaml(path, MachineError)
     try:
         entries = mapping_at(document, "the file")
-        with reckonable("the machine"):
+        with computable("the machine"):
             machine = _published(entries) if "machine" in entries else _declared(entries, path)
         _check_scene(machine)
         return machine

@@ -72,6 +72,6 @@ def read_yaml(path: Path, error: type[TwinError]) -> Any:
         where = f", line {mark.line + 1}, column {mark.column + 1}" if mark else ""
         raise error(f"{path}{where}: {failure.problem}") from failure
     except RecursionError as failure:
-        raise error(f"{path}: lists or mappings stand too deep in each other") from failure
+        raise error(f"{path}: lists or mappings are nested too deeply") from failure
     except (yaml.YAMLError, ValueError) as failure:  # ValueError: a number of thousands of digits
         raise error(f"{path}: not YAML: {str(failure).splitlines()[0]}") from failure

@@ -27,7 +27,7 @@ from textile_twin_core.machine.contact_urdf import contact_urdf
 from textile_twin_core.machine.declared import Declared
 from textile_twin_core.machine.protocol import Event
 from textile_twin_core.machine.sensors import Scene, Sensors
-from textile_twin_core.machine.sizes import reckonable
+from textile_twin_core.machine.sizes import computable
 from textile_twin_core.mechanism.group import check_finite
 from textile_twin_core.mechanism.law_strokes import Stroke, law_of_strokes
 from textile_twin_core.mechanism.law_table import LiftTable
@@ -151,7 +151,7 @@ class ContactMachine(Declared):
             scene = Scene(moved, self.scene.method, self.scene.tolerance)
             object.__setattr__(self, "scene", scene)
         self._check_stiffness()
-        with reckonable(what):
+        with computable(what):
             self.integrator().check(self.start)
 
     def _check_stiffness(self) -> None:

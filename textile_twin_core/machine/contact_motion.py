@@ -16,7 +16,7 @@ from textile_twin_core.contact.reading import read_motion
 from textile_twin_core.contact.result import events_of
 from textile_twin_core.errors import MotionError, SceneError
 from textile_twin_core.machine.contact_machine import DRIVE, MOTION, ContactMachine
-from textile_twin_core.machine.sizes import reckonable
+from textile_twin_core.machine.sizes import computable
 from textile_twin_core.mechanism.motion_law import TURN
 
 _TURN_TAIL = 2.4492935982947064e-16
@@ -83,7 +83,7 @@ class ContactMotion:
         times, angles, omega, alpha = columns
         self._check(np.array(columns))
         samples = np.array([times, phase(angles), omega, alpha, angles])
-        with reckonable(f"machine '{self.machine.name}', or its motion"):
+        with computable(f"machine '{self.machine.name}', or its motion"):
             found, drive = self._along(samples)
         self._count += samples.shape[1]
         return self._outputs(samples, found, drive)

@@ -18,7 +18,7 @@ from textile_twin_core.errors import MachineError
 from textile_twin_core.machine.declared import Declared
 from textile_twin_core.machine.main_shaft import MainShaft, ShaftPlace
 from textile_twin_core.machine.sensors import Scene, Sensors
-from textile_twin_core.machine.sizes import reckonable
+from textile_twin_core.machine.sizes import computable
 from textile_twin_core.mechanism import MAIN_SHAFT, Closeness, Group, Linkage, Measure, check_assembly
 from textile_twin_core.mechanism.group import check_finite
 from textile_twin_core.mechanism.joint import Joint
@@ -90,7 +90,7 @@ class Declaration(Declared):
             object.__setattr__(self, part, python_numbers(getattr(self, part)))
         self._check_shaft()
         object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
-        with reckonable(f"machine '{self.name}'"):
+        with computable(f"machine '{self.name}'"):
             names = _default_joint_names(self.linkage) | dict(self.joint_names)
             object.__setattr__(self, "joint_names", MappingProxyType(names))
             self._check_names_and_numbers()

@@ -13,7 +13,7 @@ from textile_twin_core.machine.linkage_row import linkage_row
 from textile_twin_core.machine.model import MachineModel
 from textile_twin_core.machine.protocol import Event
 from textile_twin_core.machine.sensors import Scene
-from textile_twin_core.machine.sizes import reckonable
+from textile_twin_core.machine.sizes import computable
 from textile_twin_core.machine.urdf import machine_urdf
 
 _TORQUES = ("balancing_torque_Nm", "torque_inertial_Nm", "torque_gravity_Nm", "torque_load_Nm")
@@ -27,7 +27,7 @@ class Machine(Declaration):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        with reckonable(f"machine '{self.name}'"):
+        with computable(f"machine '{self.name}'"):
             _ = self.model.outputs, self.model.first.reduction, self.model.first.load_torque
             # rejects a wrong declaration at once
 

@@ -58,9 +58,9 @@ class Encoder:
         if not (math.isfinite(self.ratio) and self.ratio > 0 and math.isfinite(self.zero_rad)):
             raise MachineError("encoder: ratio must be positive and zero_rad finite")
         if self.resolution_rad is not None and not (math.isfinite(self.resolution_rad) and self.resolution_rad > 0):
-            raise MachineError("encoder: resolution_rad must be a positive angle, or left out to be found")
+            raise MachineError("encoder: resolution_rad must be a positive angle, or omitted to be estimated")
         if self.stamp_jitter_s is not None and not (math.isfinite(self.stamp_jitter_s) and self.stamp_jitter_s >= 0):
-            raise MachineError("encoder: stamp_jitter_s must be a time of 0 or more, or left out to be learnt")
+            raise MachineError("encoder: stamp_jitter_s must be a time of 0 or more, or omitted to be estimated")
         if self.teeth < 0 or self.cycle_turns < 1:
             raise MachineError("encoder: teeth must be 0 (none) or more, cycle_turns 1 or more")
         if not 0 <= self.missing_teeth <= max(self.teeth - 4, 0):

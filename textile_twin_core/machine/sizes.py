@@ -18,11 +18,11 @@ def check_size(value: float, what: str) -> None:
 
 
 @contextmanager
-def reckonable(what: str) -> Iterator[None]:
+def computable(what: str) -> Iterator[None]:
     """Turn an arithmetic failure on a declaration's numbers into MachineError."""
     try:
         yield
     except (ArithmeticError, ValueError) as error:
         raise MachineError(
-            f"{what}: its numbers cannot be reckoned with ({error}); look for a zero, or a wrong unit"
+            f"{what}: computation fails on its numbers ({error}); look for a zero or a wrong unit"
         ) from error

@@ -37,7 +37,7 @@ from textile_twin_core.machine import (
     TorqueSensor,
     with_encoder,
 )
-from textile_twin_core.machine.sizes import check_size, reckonable
+from textile_twin_core.machine.sizes import check_size, computable
 from textile_twin_core.machines.elliptic_gear_beatup import elliptic_gear_beatup
 from textile_twin_core.machines.handloom_beatup import handloom_beatup
 from textile_twin_core.machines.needle_transfer import needle_transfer
@@ -102,7 +102,7 @@ def create(name: str, **overrides: float | str) -> AnyMachine:
             raise MachineError(f"machine '{name}' has no parameter '{parameter}'; did you mean {' or '.join(near)}?")
         if isinstance(value, (int, float)):
             check_size(value, f"machine '{name}': {parameter}")
-    with reckonable(f"machine '{name}'"):
+    with computable(f"machine '{name}'"):
         return factory(**overrides)
 
 

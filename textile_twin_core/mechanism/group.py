@@ -110,7 +110,7 @@ class PlainGroup:
 
     def transmission(self, motion: Motion, smallest: Sequence[float]) -> Transmission:
         """Raise NotImplementedError: a group without closures has no transmission angle."""
-        raise NotImplementedError(f"{type(self).__name__} has closures: it must tell its transmission too")
+        raise NotImplementedError(f"{type(self).__name__} has closures and must define transmission()")
 
 
 def check_length(value: float, what: str) -> None:

@@ -109,7 +109,7 @@ def _in_order(linkage: Linkage, error: MachineError) -> MachineError:
         waiting.remove(ready)
         order.append(ready)
     names = ", ".join(group.name for group in order)
-    return MachineError(f"{error}; a group stands after those that it builds on: put them in the order {names}")
+    return MachineError(f"{error}; a group must follow those that it builds on: put them in the order {names}")
 
 
 def _solves(groups: list[Group], linkage: Linkage) -> bool:

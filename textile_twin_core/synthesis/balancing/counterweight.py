@@ -117,7 +117,9 @@ def _grounded(machine: Machine, links: Sequence[str] | None) -> list[str]:
     for name in links:
         link = motion.links.get(name)
         if link is None or not motion.points[link.start].is_fixed or _slides(link):
-            raise MachineError(f"a counterweight needs a link about a fixed point, and '{name}' is none")
+            raise MachineError(
+                f"a counterweight needs a link about a fixed point, and '{name}' has no fixed pivot or slides"
+            )
     return list(dict.fromkeys(links))
 
 
