@@ -4,7 +4,9 @@ Run from the root of the repository: python -m tests.benchmarks.field WHAT [NUMB
   side-by-side [SECONDS]   three suites on one computer, two of them in namespaces, started in the same second
   kills [TIMES]            a recorder killed at random moments at 1 kHz, and what is on the disk
   restarts [TIMES]         nodes killed and started again in any order, and how long until all of them work again
-  bridge [SECONDS]         a PLC at 100 Hz by OPC UA: from asyncua's own server to the predictions in it
+  bridge [SECONDS]         a PLC at 100 Hz by OPC UA, encrypted: from asyncua's own server to the predictions in it
+  opcua-server [SECONDS]   our own OPC UA server at 100 Hz: every value in asyncua's own client, encrypted
+  fault-book [TIMES]       monitor, fault node and twin killed at random moments while faults come and go
 python -m tests.benchmarks.endurance [MINUTES] runs at 1 kHz for long.
 """
 
@@ -30,11 +32,15 @@ from sensor_msgs.msg import JointState
 
 from tests.ros.bridged import Bridged
 from tests.ros.suite import PATIENCE_S, RELIABLE, SECOND_NS, Program, Suite, running_suite
+from tests.ros.test_fault_kills import check, survive
 from tests.ros.test_opcua import RATE_HZ as PLC_HZ
-from tests.ros.test_opcua import VARIABLES, Plc
+from tests.ros.test_opcua import Plc
+from tests.ros.test_opcua_security import Keys
+from tests.ros.test_opcua_server import reach_an_encrypted_client
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.recordings import open_bag
 from textile_twin_ros.messages import TorqueReader
+from textile_twin_ros.opcua_security import ServerSecurity, ServerSecurityParameters
 
 ROOT = Path(__file__).parents[2]
 PREDICTED = "balancing_torque/predicted"
@@ -192,11 +198,13 @@ def _recorded(bag: Path) -> np.ndarray:
 
 def bridge(suite: Suite, seconds: float) -> None:
     """Every sample of a PLC comes to the topics once, and the twin's predictions go back."""
-    plc, heard = Plc(), Bridged(suite.node(), "opcua_node: plc")
-    names = [
-        f"{name}:='ns=2;s={variable}'"
-        for name, variable in zip(("angle", "torque", "predicted"), VARIABLES, strict=True)
-    ]
+    keys = Keys(suite.folder / "keys")
+    plc = Plc(secure=ServerSecurity(ServerSecurityParameters(**keys.of_server())).apply)
+    heard = Bridged(suite.node(), "opcua_node: plc")
+    (suite.folder / "password").write_text("loom 7\n")
+    names = [f"{name}:='ns=2;s={name.title()}'" for name in ("angle", "predicted")] + ["torque:='ns=2;s=Load'"]
+    names += [f"certificate:={keys.client}", f"private_key:={keys.client_key}", f"server_certificate:={keys.server}"]
+    names += ["user:=anna", f"password_file:={suite.folder / 'password'}"]
     suite.start("twin_node").wait_for_words("predicting from")
     suite.start(
         "opcua_node", f"url:=opc.tcp://127.0.0.1:{plc.port}", f"angle_unit_rad:={np.deg2rad(0.1)}", *names
@@ -223,6 +231,23 @@ def bridge(suite: Suite, seconds: float) -> None:
     plc.close()
 
 
+def opcua_server(suite: Suite, seconds: float) -> None:
+    """Every value of five variables reaches the client once, in its order, with its stamp."""
+    samples = round(seconds * PLC_HZ)
+    reach_an_encrypted_client(suite, Keys(suite.folder / "keys"), samples)
+    print(f"{samples} of {samples} values of each of five variables, each once")
+
+
+def fault_book(suite: Suite, times: int) -> None:
+    """Each fault once, with its recording, whatever is killed; a fault for every four kills."""
+    faults = max(2, times // 4)
+    book = survive(suite, times, faults)
+    angles = check(book, faults)
+    entries = len(book.faults())
+    print(f"{times} kills, {faults} faults that came and went: {entries} in the book, {entries} with their recording;"
+          f" angles before and after each alarm: {angles}")  # fmt: skip
+
+
 def _stamp(message: WrenchStamped | JointState) -> int:
     return int(message.header.stamp.sec * SECOND_NS + message.header.stamp.nanosec)
 
@@ -234,6 +259,8 @@ def main() -> None:
         "kills": (kills, 20),
         "restarts": (restarts, 20),
         "bridge": (bridge, 60.0),
+        "opcua-server": (opcua_server, 50.0),
+        "fault-book": (fault_book, 20),
     }
     if len(sys.argv) < 2 or sys.argv[1] not in runs:
         sys.exit(__doc__)
