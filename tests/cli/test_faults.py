@@ -76,4 +76,4 @@ def test_keys_and_users(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys:
     found = read_users(users)
     assert list(found) == ["anna", "otto"] and "loom" not in users.read_text()
     assert is_password(found, "anna", "loom 8") and not is_password(found, "anna", "loom 7")
-    assert not is_password(found, "nobody", "") and users.stat().st_mode & 0o777 == 0o600
+    assert not is_password(found, "unknown", "") and users.stat().st_mode & 0o777 == 0o600

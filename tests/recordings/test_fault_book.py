@@ -162,8 +162,8 @@ def test_a_part_is_cut_out_of_all_runs_and_old_files_go(tmp_path: Path) -> None:
     rolling.writer.flush()
     out = tmp_path / "fault_1"
     begin_ns, end_ns = 1025 * SECOND_NS, 1045 * SECOND_NS
-    with BagWriter(tmp_path / ".fault_1.partial-1") as left:  # by a process killed while it wrote
-        left.add_topic("words", "std_msgs/msg/String")
+    with BagWriter(tmp_path / ".fault_1.partial-1") as partial:  # by a process killed while it wrote
+        partial.add_topic("words", "std_msgs/msg/String")
     count = rolling.cut(begin_ns, end_ns, out, [("words", cdr("latched"))], {"fault": "1"})
     bag = open_bag(out)
     times = [time_ns for _, time_ns, _ in bag.raw_messages()]

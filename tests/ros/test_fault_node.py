@@ -57,7 +57,7 @@ def fault_node(suite: Suite, book: FaultBook) -> Program:
 
 
 def words_in(path: Path) -> list[str]:
-    """What rosbags reads of a recording."""
+    """Words of a recording as rosbags reads them."""
     with AnyReader([path]) as reader:
         chosen = [each for each in reader.connections if each.topic == "/words"]
         return [reader.deserialize(raw, each.msgtype).data for each, _, raw in reader.messages(chosen)]
@@ -107,22 +107,22 @@ def test_an_alarm_gets_a_recording_whatever_is_killed(suite: Suite) -> None:
 def test_a_full_disk_delays_recordings_and_loses_no_alarm(suite: Suite) -> None:
     book = FaultBook(suite.folder / "book", create=True)
     talk, node = Talk(suite), fault_node(suite, book)
-    told: list[DiagnosticStatus] = []
+    statuses: list[DiagnosticStatus] = []
 
     def take(message: DiagnosticArray) -> None:
-        told.extend(status for status in message.status if status.name == "fault_node: fault book")
+        statuses.extend(status for status in message.status if status.name == "fault_node: fault book")
 
     talk.node.create_subscription(DiagnosticArray, "/diagnostics", take, RELIABLE)
     talk.heard_by(1)
     suite.spin_for(1.5)
     with no_room(node, 64):
         book.update("/", "tufting", [FRICTION], [FRICTION])
-        suite.spin_until(lambda: told and "make room" in told[-1].message, "diagnostics")
-        assert told[-1].level == DiagnosticStatus.ERROR
+        suite.spin_until(lambda: statuses and "make room" in statuses[-1].message, "diagnostics")
+        assert statuses[-1].level == DiagnosticStatus.ERROR
     fault = with_recording(suite, book, 1)
     assert fault.recording == "fault_1" and words_in(book.folder / "fault_1")
-    suite.spin_until(lambda: told[-1].level == DiagnosticStatus.WARN, "room again")
-    assert told[-1].message == f"1 not acknowledged, the latest 1: {FRICTION.text}"
+    suite.spin_until(lambda: statuses[-1].level == DiagnosticStatus.WARN, "room again")
+    assert statuses[-1].message == f"1 not acknowledged, the latest 1: {FRICTION.text}"
     assert node.end() == 0 and "Traceback" not in node.words()
 
 

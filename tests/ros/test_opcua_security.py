@@ -170,7 +170,7 @@ def test_a_bench_without_security(keys: Keys) -> None:
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_our_client_reads_a_secured_plc_and_believes_no_other(
+def test_our_client_reads_a_secured_plc_and_trusts_no_other(
     keys: Keys, secured: str, mode: str, tmp_path: Path
 ) -> None:
     password = tmp_path / "password"
@@ -210,7 +210,7 @@ def test_a_server_without_security_is_refused(keys: Keys, changes: dict[str, str
 
 def test_a_client_without_the_servers_certificate_is_refused(keys: Keys) -> None:
     own = {"certificate": str(keys.client), "private_key": str(keys.client_key)}
-    with pytest.raises(SceneError, match="any server would be believed"):
+    with pytest.raises(SceneError, match="any server would be trusted"):
         ClientSecurity(ClientSecurityParameters(**own))
     with pytest.raises(SceneError, match="neither encrypted nor signed"):
         ClientSecurity(ClientSecurityParameters())

@@ -109,10 +109,10 @@ def reach_an_encrypted_client(suite: Suite, keys: Keys, samples: int) -> None:
         suite.spin_until(lambda: len(good(outside, "TorqueResidual")) == samples, "the last value")
         assert outside.call(outside.read("M:Machines", "own:loom_3", *STATE)).Text == "Executing"
         for name, value_of in VALUES.items():
-            told = good(outside, name)
-            assert len(told) == samples
-            np.testing.assert_array_equal([each.Value.Value for each in told], value_of(np.arange(samples)))
-            stamps = [round(each.SourceTimestamp.timestamp() * 1e3) for each in told]
+            values = good(outside, name)
+            assert len(values) == samples
+            np.testing.assert_array_equal([each.Value.Value for each in values], value_of(np.arange(samples)))
+            stamps = [round(each.SourceTimestamp.timestamp() * 1e3) for each in values]
             assert stamps == [START_NS // 1_000_000 + 10 * number for number in range(samples)]
         # Nothing comes any more: the values say that they are old, and the state that nothing is known.
         suite.spin_until(lambda: not outside.values["ShaftAngle"][-1].StatusCode.is_good(), "a status")
@@ -178,7 +178,7 @@ def test_a_machine_of_opc_40001_and_its_alarms(suite: Suite, keys: Keys, tmp_pat
         assert outside.call(outside.read("M:Machines", "own:loom_3", "own:Faults", "own:NotAcknowledged")) == 1
         shown = ("own:Faults", "own:load_force", "0:ActiveState", "0:Id")
         assert outside.call(outside.read("M:Machines", "own:loom_3", *shown)) is True
-        with pytest.raises(ua.UaError):  # nobody writes from outside
+        with pytest.raises(ua.UaError):  # variables are read-only from outside
             outside.call(outside.client.get_node("ns=2;s=loom_3.ShaftAngle").write_value(1.0))
     finally:
         outside.close()

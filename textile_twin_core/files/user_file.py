@@ -11,12 +11,12 @@ from textile_twin_core.errors import OutputError, SceneError
 from textile_twin_core.files.atomic import staged
 
 _COST = {"n": 2**14, "r": 8, "p": 1}
-_NOBODY = ("00" * 16, "00" * 64)
-"""Checked in place of a user who is not there, so that the answer takes as long."""
+_UNKNOWN = ("00" * 16, "00" * 64)
+"""Salt and hash checked for an unknown user, so that the answer takes as long."""
 
 
 def read_users(path: Path) -> dict[str, tuple[str, str]]:
-    """Salt and hash of each user by name.
+    """Read salt and hash of each user by name.
 
     Raises:
         SceneError: the file cannot be read, or a line is not written so.
@@ -40,7 +40,7 @@ def add_user(path: Path, name: str, password: str) -> None:
     """Add a user, or give one another password; the file is for its owner alone.
 
     Raises:
-        SceneError: the name or the password cannot be one, or the file is none of users.
+        SceneError: the name or the password cannot be one, or the file does not hold users.
         OutputError: the file cannot be written.
     """
     if not name or ":" in name or name.startswith("#") or not name.isprintable():
@@ -59,8 +59,8 @@ def add_user(path: Path, name: str, password: str) -> None:
 
 
 def is_password(users: dict[str, tuple[str, str]], name: str, password: str) -> bool:
-    """Whether this is the user's password."""
-    salt, digest = users.get(name, _NOBODY)
+    """Check a user's password."""
+    salt, digest = users.get(name, _UNKNOWN)
     return hmac.compare_digest(_hash(password, salt), digest) and name in users
 
 

@@ -81,7 +81,7 @@ class FaultBook:
         create: make a book where there is none.
 
     Raises:
-        RecordingError: there is no book, or the file is none.
+        RecordingError: there is no book, or the file is no database.
         OutputError: the folder or the book cannot be made.
 
     Example:
@@ -219,7 +219,7 @@ class FaultBook:
             base.execute("DELETE FROM memories WHERE source = ?", (source,))
 
     def recall(self, source: str, fingerprint: str) -> dict[str, npt.NDArray[np.generic]]:
-        """What a monitor has learnt of the same machine with the same settings; empty without."""
+        """Return what a monitor has learnt of the same machine with the same settings; empty without."""
         with self._named():
             row = self._base.execute(
                 "SELECT arrays FROM memories WHERE source = ? AND fingerprint = ?", (source, fingerprint)

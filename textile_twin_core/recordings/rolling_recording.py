@@ -79,8 +79,8 @@ class RollingRecording:
         """
         bags = [bag for run in self._runs() if (bag := _opened(run)) is not None]
         bags = [bag for bag in bags if bag.message_count and bag.start_ns <= end_ns and bag.end_ns >= begin_ns]
-        for left in path.parent.glob(f".{path.name}.partial-*"):  # of a process that was killed while it wrote
-            remove(left)
+        for partial in path.parent.glob(f".{path.name}.partial-*"):  # of a process that was killed while it wrote
+            remove(partial)
         if not bags:
             return 0
         with BagWriter(path, custom_data) as out:

@@ -214,7 +214,7 @@ class FaultNode(Node):
             response.success, response.message = False, str(error)
             return response
         response.success = True
-        response.message = f"acknowledged: {', '.join(map(str, numbers)) or 'none was left'}"
+        response.message = f"acknowledged: {', '.join(map(str, numbers)) or 'all were before'}"
         return response
 
 

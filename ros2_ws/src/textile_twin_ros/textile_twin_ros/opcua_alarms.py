@@ -86,7 +86,7 @@ class Alarms:
         for kind, fault in {fault.kind: fault for fault in faults}.items():
             before = self._shown.get(kind)
             if before is None or _state(before) != _state(fault):
-                await self._tell(self._conditions[kind], fault, silent=before is None and fault.is_over)
+                await self._send(self._conditions[kind], fault, silent=before is None and fault.is_over)
                 self._shown[kind] = fault
         self._version = version
 
@@ -95,7 +95,7 @@ class Alarms:
         await child.write_value(text)
         await (await child.get_child("0:Id")).write_value(value)
 
-    async def _tell(self, node: Any, fault: Fault, silent: bool) -> None:
+    async def _send(self, node: Any, fault: Fault, silent: bool) -> None:
         """Write a condition's variables and send its event."""
         from asyncua import ua
         from asyncua.common.event_objects import AlarmCondition

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,8 +17,6 @@ if TYPE_CHECKING:
     from asyncua import Server
     from asyncua.client.client import Client
 
-_CERTIFICATES = (".der", ".pem", ".crt", ".cer")
-
 
 @dataclass
 class SecurityParameters:
@@ -29,7 +28,7 @@ class SecurityParameters:
 
 
 def require_security(settings: SecurityParameters) -> bool:
-    """Whether a connection is secured.
+    """Check the keys; return whether a connection is secured.
 
     Raises:
         SceneError: it would not be, and `allow_insecure` is not set; or certificate and key do not belong together.
@@ -72,7 +71,7 @@ class ClientSecurityParameters(SecurityParameters):
     security: str = parameter(
         "sign_and_encrypt", "of the connection, with policy Basic256Sha256", choices=("sign_and_encrypt", "sign")
     )
-    server_certificate: str = parameter("", "file of the server's certificate: no other server is believed")
+    server_certificate: str = parameter("", "file of the server's certificate: no other server is trusted")
     user: str = parameter("", "user on the server; empty: none, as where the certificate is enough")
     password_file: str = parameter("", "file whose first line is the user's password")
 
@@ -89,7 +88,7 @@ class ClientSecurity:
         self.is_secure = require_security(settings)
         if self.is_secure:
             if not settings.server_certificate:
-                raise SceneError("parameter 'server_certificate' is not set: without it any server would be believed")
+                raise SceneError("parameter 'server_certificate' is not set: without it any server would be trusted")
             read_certificate(Path(settings.server_certificate))
             self._uri = read_certificate(Path(settings.certificate))[1]
         if settings.password_file:
@@ -175,7 +174,7 @@ class ServerSecurity:
     def get_user(
         self, _server: Any, username: str | None = None, password: str | None = None, certificate: bytes | None = None
     ) -> Any:
-        """What asyncua asks before it activates a session, on any channel: the user, None to refuse.
+        """Return the user of a session on any channel, None to refuse; asyncua asks before it activates a session.
 
         `certificate`: the client's, of the channel itself.
         """
@@ -189,7 +188,7 @@ class ServerSecurity:
         return User(UserRole.User, username) if is_password(users, username, password or "") else None
 
     async def _validate(self, certificate: Any, description: Any) -> None:
-        """What asyncua asks of a client's certificate before the session, for an answer that says what is wrong."""
+        """Refuse an unknown certificate by its own code; asyncua calls this before it creates a session."""
         from asyncua import ua
         from asyncua.common.utils import ServiceError
         from cryptography.hazmat.primitives.serialization import Encoding
@@ -200,7 +199,9 @@ class ServerSecurity:
     def _is_trusted(self, certificate: bytes) -> bool:
         from cryptography import x509
 
-        files = [path for path in Path(self._settings.trusted).iterdir() if path.suffix in _CERTIFICATES]
-        known = {read_certificate(path)[0] for path in files if not path.name.endswith(".key.pem")}
+        known = set()
+        for path in Path(self._settings.trusted).iterdir():
+            with suppress(SceneError):  # no certificate, such as a private key
+                known.add(read_certificate(path)[0])
         parsed, now = x509.load_der_x509_certificate(certificate), datetime.now(UTC)
         return certificate in known and parsed.not_valid_before_utc <= now <= parsed.not_valid_after_utc

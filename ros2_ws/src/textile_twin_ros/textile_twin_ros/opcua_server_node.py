@@ -90,7 +90,7 @@ class OpcuaServerNode(Node):
         self._name = settings.name or self.get_namespace().strip("/").replace("/", "_") or machine.name
         self._security = ServerSecurity(settings)
         if not self._security.is_secure:
-            self.get_logger().warning("allow_insecure: everybody in the network reads, and may acknowledge alarms")
+            self.get_logger().warning("allow_insecure: anyone in the network may read, and acknowledge alarms")
         self._book = FaultBook(settings.book, create=True) if settings.book else None
         self._create_server: Callable[[], Server] = asyncua.Server
         self._values: deque[tuple[str, int, float]] = deque(maxlen=10 * depth_for(settings.rate_hz or 1e3))
@@ -164,7 +164,7 @@ class OpcuaServerNode(Node):
             await self._feed(server, space, alarms)
 
     async def _feed(self, server: Server, space: MachineSpace, alarms: Alarms | None) -> None:
-        """Write values as they come, and the state, until told to end."""
+        """Write values as they come, and the state, until the node ends."""
         from asyncua import ua
 
         state, looked_s = "NotAvailable", -math.inf
