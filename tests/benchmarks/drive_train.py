@@ -2,8 +2,9 @@
 
 Run from the root of the repository: python -m tests.benchmarks.drive_train FOLDER, with Ice_excitation1.csv to
 Ice_excitation3.csv and their _motor.csv files, as in data/IceExcitations12102020 of the repository
-aksel-ilveskero/Shaftline-Torque-Estimation. The drive train is that of src/testbench_model_minimal.py of the repository
-urho-h/torque_estimation_masters. Parameters are fitted on the first recording and tested on the others.
+aksel-ilveskero/Shaftline-Torque-Estimation, or with step_sensor.csv, impulse_sensor.csv and their _motor.csv files, as
+in data/masters_data2 of the repository urho-h/torque_estimation_masters. The drive train is that of
+src/testbench_model_minimal.py of the latter. Parameters are fitted on the first recording and tested on the others.
 """
 
 from __future__ import annotations
@@ -41,6 +42,8 @@ STIFFNESSES = {
     16: 4.43e4, 17: 1.38e5, 18: 2.00e4, 19: 1.38e5, 20: 1.22e4,
 }  # fmt: skip
 """Published, in N m/rad, of the piece behind each disc."""
+MOTOR_CLOCK_S = {"step": 0.464, "impulse": 0.163}
+"""By how much the load motor's clock is behind that of the sensors."""
 START = {
     "soft_stiffness_Nm_rad": 35.0,
     "soft_damping_Nms_rad": 0.02,
@@ -75,6 +78,18 @@ class Run:
         )
         angles = np.deg2rad(sensors[:, 1:6].T)
         return cls(sensors[:, 0], angles, sensors[:, 6], sensors[:, 7], motors[:, 0], PROPELLER_GEAR * motors[:, 4])
+
+    @classmethod
+    def read_speeds(cls, folder: Path, name: str) -> Run:
+        """A recording of the folder that holds speeds of discs 6 and 7 instead of angles."""
+        sensors, motor = (np.genfromtxt(folder / f"{name}_{kind}.csv", delimiter=",") for kind in ("sensor", "motor"))
+        times = sensors[:, 0]
+        angles = np.cumsum(sensors[:, 1:3].T * np.diff(times, prepend=times[0]), axis=1)
+        even = np.arange(times[0], times[-1], 1e-3)
+        columns = [np.interp(even, times, column) for column in (*angles, *sensors[:, 3:5].T)]
+        return cls(
+            even, np.array(columns[:2]), *columns[2:], motor[:, 0] + MOTOR_CLOCK_S[name], PROPELLER_GEAR * motor[:, 4]
+        )
 
     def motion(self, encoder: int) -> tuple[FloatArray, ...]:
         """Time, angle, speed and acceleration of a disc by the smoother of the shaft's state."""
@@ -166,7 +181,16 @@ def twisted(run: Run, stiffness: float | None) -> tuple[FloatArray, float]:
 
 def main(folder: Path) -> None:
     """Print what each model leaves unexplained of both torques on each recording, as a Markdown table."""
-    runs = [Run.read(folder, number) for number in (1, 2, 3)]
+    if (folder / "step_sensor.csv").exists():
+        runs = {name: Run.read_speeds(folder, name) for name in MOTOR_CLOCK_S}
+    else:
+        runs = {f"recording {number}": Run.read(folder, number) for number in (1, 2, 3)}
+    table(runs)
+
+
+def table(recordings: dict[str, Run]) -> None:
+    """Print the table of some recordings; the first one is that of the fit."""
+    runs = list(recordings.values())
     rows: dict[str, list[list[FloatArray]]] = {}
     for encoder in (0, 1):
         disc = ENCODER_DISCS[encoder]
@@ -179,9 +203,8 @@ def main(folder: Path) -> None:
     _, stiffness = twisted(runs[0], None)
     print(f"fitted from discs 6 and 7: stiffness {stiffness:.4g} N m/rad")
     rows["twist, discs 6 and 7"] = [[twisted(run, stiffness)[0]] for run in runs]
-    print(
-        "\n| model and encoder | " + " | ".join(f"recording {k}: T1, T2" for k in (1, 2, 3)) + " |\n|---|---|---|---|"
-    )
+    print("\n| model and encoder |", *(f"{name}: T1, T2 |" for name in recordings))
+    print("|---|" + "---|" * len(runs))
     for name, predictions in rows.items():
         shares = [unexplained(run, each) for run, each in zip(runs, predictions, strict=True)]
         print(f"| {name} | " + " | ".join(", ".join(f"{each.std():.1%}" for each in pair) for pair in shares) + " |")
