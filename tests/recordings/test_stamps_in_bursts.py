@@ -67,10 +67,11 @@ def test_a_usb_bridge_is_the_only_cause_named(
         ("the angle alone", bridged(sampled(500.0, 9.0, run_up_s=3.0), 0.0201, 2e-6, "angle")),
         ("the torque alone", bridged(sampled(500.0, 9.0, run_up_s=3.0), 0.016, 5e-4, "torque")),
         ("late at times", bridged(sampled(500.0, 9.0, run_up_s=3.0, lost=0.04), 0.016, 2e-4, late_s=3e-4)),
+        ("busy all the time", bridged(sampled(1000.0, 9.0, run_up_s=3.0), 0.016, 5e-4)),
         ("an interval of four fifths", bridged(sampled(200.0, 9.0, run_up_s=3.0, wrapped=False), 0.004, 2e-6)),
     ],
 )
-def test_five_bridges(name: str, samples: Sampled) -> None:
+def test_six_bridges(name: str, samples: Sampled) -> None:
     found = judged(samples, MACHINE)
     assert found.verdict[0].cause == "stamps_in_bursts"
     assert not NOT_JUDGED & {cause.cause for cause in found.verdict}

@@ -90,7 +90,8 @@ def _right(samples: Sampled) -> tuple[IntArray, FloatArray]:
 
 
 @pytest.mark.parametrize(
-    "options", [{}, {"lost": 0.15}, {"jitter_s": 4e-4}, {"run_up_s": 5.0}, {"wrapped": False, "lost": 0.06}]
+    "options",
+    [{}, {"lost": 0.15}, {"lost": 0.3}, {"jitter_s": 4e-4}, {"run_up_s": 5.0}, {"wrapped": False, "lost": 0.06}],
 )
 def test_right_stamps_are_kept(options: dict[str, float]) -> None:
     assert even_times(*_right(sampled(500.0, 6.0, **options)), angles=True) is None  # type: ignore[arg-type]

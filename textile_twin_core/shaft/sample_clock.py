@@ -35,7 +35,8 @@ MOST_SHOWN = 0.15  # part of the samples that the moves may show as lost: more o
 MOST_CHANGES = 0.6  # of the bursts that may begin after a lost sample
 UNEVEN = 0.3  # of a period, deviation of stamps that are even
 PROBE = 4096  # samples of a long record in which uneven intervals are looked at first
-UNEVEN_SINGLE = 0.2  # of the mean, deviation of the intervals from which single samples come at uneven times
+UNEVEN_SINGLE = 0.1  # of the mean, deviation of the intervals from which single samples come at uneven times
+RARE = 0.1  # part of the intervals that are uneven, up to which a bridge of single samples is busy all the time
 SMOOTHER = 0.5  # ratio of roughness up to which uneven intervals are no lost samples
 OTHER_INTERVAL, SAME_PERIOD = 0.1, 1e-3  # of the companion's period: an interval that is another; a period that is not
 ROUGHER = 1.1  # ratio of roughness from which the samples were not taken evenly
@@ -123,7 +124,9 @@ def find_bursts(stamps_ns: IntArray, uneven: bool = False) -> StampBursts | None
     if np.mean(short) < SHORT_SHARE or step[long].sum() < LONG_SHARE * step.sum():
         if not uneven or np.std(step) < UNEVEN_SINGLE * np.mean(step):
             return None
-        return StampBursts(1, 0.0, *np.percentile(step, (10.0, 90.0)).tolist())
+        usual = np.percentile(step, (10.0, 90.0))
+        alike = usual[1] - usual[0] < OTHER_INTERVAL * mean.mean()
+        return StampBursts(1, 0.0, *(np.percentile(step, (1.0, 99.0)) if alike else usual).tolist())
     begins = np.flatnonzero(step > mean)
     if begins.size < 3:
         return None
@@ -179,10 +182,13 @@ def even_times(
                 times[piece], period, width, lost = clock
                 found.append((piece.size, period, width, lost))
     if sum(size for size, *_ in found) < 0.5 * time.size:
-        return None if single else bursts
+        even = np.linspace(0.0, time[-1], time.size)
+        follow = angles and _roughness(time, seen, True) < SMOOTHER * _roughness(even, seen, True)
+        return None if single or follow else bursts
     smooth, stamped = _roughness(times, seen, angles), _roughness(time, seen, angles)
     if angles or period_s is None:
-        uneven = smooth < SMOOTHER * stamped
+        other = np.abs(np.diff(times) - np.diff(time)) > UNEVEN * max(found)[1]
+        uneven = _roughness(times, seen, angles, other) < SMOOTHER * _roughness(time, seen, angles, other)
     else:  # a torque's noise hides it: the intervals must be other ones than the companion's period
         same = abs(max(found)[1] - period_s) < SAME_PERIOD * period_s
         uneven = same and abs(bursts.pause_s - period_s) > OTHER_INTERVAL * period_s
@@ -190,6 +196,8 @@ def even_times(
         return None
     best = max(found)
     half = 0.5 * max(width for *_, width, _ in found)
+    if single and np.mean(np.abs(np.diff(time) - best[1]) > UNEVEN * best[1]) < RARE:
+        half = max(half, best[1])  # a bridge that is busy all the time: no pause shows when it waits for samples
     if bursts.repeated:  # the tick before the samples, or the instant at which they arrived
         times += 0.5 * bursts.period_s
         half += 0.5 * bursts.period_s
@@ -264,6 +272,8 @@ def _clock(
         return None
     number = np.concatenate([[0.0], np.cumsum(moves)])
     sent, count = begins[first], number[last]
+    if single and near_s is None:
+        near_s = float(np.polyfit(number, sent, 1)[0])
     found = _search(sent[:-1][:FIRST_BURSTS], count[:-1][:FIRST_BURSTS], bool(np.any(moves > 1.0)), near_s)
     if found is None:
         return None
@@ -355,8 +365,12 @@ def _offsets(late: FloatArray, period: float) -> tuple[float, float]:
     return high - min(max(width, 0.0), period), high
 
 
-def _roughness(time: FloatArray, values: FloatArray, angles: bool) -> float:
-    """Mean distance of values (n,) from lines through their neighbours in time; angles are unwrapped."""
+def _roughness(time: FloatArray, values: FloatArray, angles: bool, at: BoolArray | None = None) -> float:
+    """Mean distance of values (n,) from lines through their neighbours in time; angles are unwrapped.
+
+    Args:
+        at: (n - 1,) moves that count; None: all.
+    """
     move = np.diff(values)
     if angles:
         move = move - TURN * np.rint(move / TURN)
@@ -367,4 +381,5 @@ def _roughness(time: FloatArray, values: FloatArray, angles: bool) -> float:
     kernel = np.ones(width)
     slope = np.convolve(move, kernel, mode="same") / np.maximum(np.convolve(step, kernel, mode="same"), 1e-9)
     good: BoolArray = known & (step <= LONGEST_PAUSE_S)
+    good = good if at is None else good & at
     return float(np.mean(np.abs(move - slope * step)[good])) if good.any() else 0.0
