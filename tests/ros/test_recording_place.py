@@ -25,15 +25,15 @@ def write(path: Path, count: int = 1000) -> BagWriter:
 
 def test_names_by_number_and_by_time(tmp_path: Path) -> None:
     place = RecordingPlace(str(tmp_path / "run"), "", "/")
-    assert [place.next().name for _ in range(3)] == ["run", "run_2", "run_3"]
+    assert [place.take_next().name for _ in range(3)] == ["run", "run_2", "run_3"]
     places = [RecordingPlace("", str(tmp_path / "all"), "/mill/m7") for _ in range(20)]
-    names = [place.next().name for place in places]
+    names = [place.take_next().name for place in places]
     assert len(set(names)) == 20 and all("_mill_m7" in name for name in names)
     with pytest.raises(RecordingError, match="'bag' is not set"):
         RecordingPlace("", "", "/")
     (tmp_path / "file").write_text("no folder")
     with pytest.raises(RecordingError, match="cannot be made"):
-        RecordingPlace("", str(tmp_path / "file"), "/").next()
+        RecordingPlace("", str(tmp_path / "file"), "/").take_next()
 
 
 def test_the_oldest_go_first(tmp_path: Path) -> None:
@@ -43,7 +43,7 @@ def test_the_oldest_go_first(tmp_path: Path) -> None:
     (tmp_path / "2026-01-01_00-00-01_m3").mkdir()
     (tmp_path / "2026-01-01_00-00-02_m3 notes").mkdir()
     place = RecordingPlace("", str(tmp_path), "/m3")
-    current = write(place.next())
+    current = write(place.take_next())
     size = current.bytes_kept
     place.retain(current, most_bytes=int(2.6 * size))
     left = {path.name for path in tmp_path.iterdir()} - {current.path.name}
@@ -65,7 +65,7 @@ def test_what_cannot_be_removed_is_told_and_the_others_go(tmp_path: Path) -> Non
     stuck = tmp_path / "2026-01-02_00-00-00"
     (stuck / "somebody's.mcap").mkdir()  # a folder is not removed as a file is, by nobody
     place = RecordingPlace("", str(tmp_path), "/")
-    current = write(place.next())
+    current = write(place.take_next())
     (told,) = place.retain(current, most_bytes=1)
     assert told.startswith(f"{stuck}: cannot be removed")
     assert {path for path in tmp_path.iterdir()} == {stuck, current.path}

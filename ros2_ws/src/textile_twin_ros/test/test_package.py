@@ -1,3 +1,19 @@
+# Copyright 2026 textile-twin contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+#
+# SPDX-License-Identifier: Apache-2.0
+
 """What the package promises where colcon builds it: its commands start, its files parse."""
 
 from __future__ import annotations
@@ -14,6 +30,8 @@ from unittest.mock import MagicMock
 import numpy as np
 import pytest
 import yaml
+
+pytest.importorskip("rclpy")
 
 from textile_twin_ros.own_topics import OwnTopics
 
@@ -130,3 +148,19 @@ def test_the_manifest_is_of_a_python_package() -> None:
     manifest = ElementTree.parse(PACKAGE / "package.xml").getroot()
     assert manifest.findtext("name") == "textile_twin_ros"
     assert manifest.findtext("export/build_type") == "ament_python"
+
+
+def test_analyzers_take_every_status_of_the_suite_once() -> None:
+    """By the rule of GenericAnalyzer: a name that contains one of its words."""
+    (content,) = yaml.safe_load((PACKAGE / "diagnostics" / "analyzers.yaml").read_text()).values()
+    groups = {key: value for key, value in content["ros__parameters"].items() if isinstance(value, dict)}
+    assert {group["type"] for group in groups.values()} == {"diagnostic_aggregator/GenericAnalyzer"}
+    publishers = [
+        node for node in NODES if "DiagnosticsPublisher(" in (PACKAGE / "textile_twin_ros" / f"{node}.py").read_text()
+    ]
+    assert len(publishers) >= 6
+    for node in publishers:
+        for name in (f"{node}: plc", f"loom_7/{node}: twin"):
+            assert [key for key, group in groups.items() if any(word in name for word in group["contains"])], name
+            assert sum(any(word in name for word in group["contains"]) for group in groups.values()) == 1, name
+    assert {word.removesuffix(": ") for group in groups.values() for word in group["contains"]} == set(publishers)

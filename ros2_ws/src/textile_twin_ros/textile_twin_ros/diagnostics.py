@@ -1,3 +1,19 @@
+# Copyright 2026 textile-twin contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+#
+# SPDX-License-Identifier: Apache-2.0
+
 """What the nodes say of themselves: states for /diagnostics, and a watch over inputs that stay silent."""
 
 from __future__ import annotations
@@ -40,8 +56,7 @@ class Status:
 
 
 class DiagnosticsPublisher:
-    """Publishes on /diagnostics what a function tells, once a second and when a level changes; the log says once what
-    is wrong.
+    """Publisher of /diagnostics: once a second and when a level changes; the log says once what is wrong.
 
     Args:
         node: the node that the statuses speak of; its full name stands before each of theirs.

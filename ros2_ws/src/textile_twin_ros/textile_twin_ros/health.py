@@ -1,3 +1,19 @@
+# Copyright 2026 textile-twin contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+#
+# SPDX-License-Identifier: Apache-2.0
+
 """Whether an input is fit for use: levels from what was refused, bridged or interrupted in the last seconds."""
 
 from __future__ import annotations
@@ -130,7 +146,8 @@ def burst_findings(stamps_ns: IntArray, values: FloatArray, angles: bool) -> lis
 
     Args:
         stamps_ns: their stamps, in the order in which they came.
-        values: what was sampled; `angles`: whether these are angles [rad].
+        values: what was sampled.
+        angles: whether the values are angles [rad].
     """
     bursts = find_bursts(stamps_ns, uneven=angles)
     if bursts is None:

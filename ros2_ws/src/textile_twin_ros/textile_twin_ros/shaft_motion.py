@@ -1,3 +1,19 @@
+# Copyright 2026 textile-twin contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+#
+# SPDX-License-Identifier: Apache-2.0
+
 """A simulated main shaft that runs up to a speed with ripple, and what its encoder and its torque sensor show."""
 
 from __future__ import annotations
@@ -28,7 +44,7 @@ class SimulatedShaft:
     ripple: float = 0.0
 
     def at(self, time_s: float) -> tuple[float, float, float]:
-        """theta [rad], omega [rad/s], alpha [rad/s^2] at a time from the start."""
+        """Angle theta [rad], omega [rad/s] and alpha [rad/s^2] at a time from the start."""
         full = self.rpm * TURN / 60.0
         if time_s < self.run_up_s:
             rate = full / self.run_up_s
