@@ -20,7 +20,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -219,9 +218,8 @@ def bridge(suite: Suite, seconds: float) -> None:
             await plc.cycle(number)
             await asyncio.sleep(max(0.0, began + (number + 1) / PLC_HZ - time.monotonic()))
 
-    shaft = threading.Thread(target=plc.call, args=(turn(), seconds + 60.0))
-    shaft.start()
-    while shaft.is_alive():
+    shaft = plc.begin(turn())
+    while not shaft.done():
         suite.spin_for(0.1)
     suite.spin_for(2.0)
     stamps = [_stamp(message) for message in heard.angles]
