@@ -11,6 +11,7 @@ import sys
 from tests.generators.mill_recordings import MISTAKES, ONLY_TUFTING, Case, mistaken, record
 from tests.generators.told_machine import told_machine
 from textile_twin_core.comparison import Assessment, Readings, assess
+from textile_twin_core.inference.parameter import DELAY, ZERO
 
 PAIRS = (
     "zero+sign",
@@ -38,12 +39,12 @@ def judged(machine: str, names: tuple[str, ...], seed: int, run_up: bool) -> tup
 
 def errors(found: Assessment, case: Case) -> tuple[float, float]:
     """By how much zero [deg of the shaft] and delay [ms] are missed; nan where nothing was explained."""
-    if found.explanation is None:
+    if found.found is None:
         return math.nan, math.nan
-    settings = found.explanation.settings
+    hypothesis, known = found.found.posterior.hypothesis, found.found.posterior
     true = case.encoder.zero_rad * case.encoder.direction * case.encoder.ratio
-    zero = math.degrees(math.remainder(settings.zero_rad - true, 2.0 * math.pi))
-    return zero, (settings.delay_s - case.torque.delay_s) * 1e3
+    zero = math.degrees(math.remainder(hypothesis.zero_rad + known.value(ZERO) - true, 2.0 * math.pi))
+    return zero, (hypothesis.delay_s + known.value(DELAY) - case.torque.delay_s) * 1e3
 
 
 def main(first: int, last: int, asked: list[str]) -> None:

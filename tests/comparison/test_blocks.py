@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from textile_twin_core.comparison import blocks
+from textile_twin_core.inference import blocks
 
 WIDTH_S = 0.05
 

@@ -59,7 +59,7 @@ def test_an_inertia_that_the_file_lacks_is_no_gain_with_less_friction(tmp_path: 
     (cause,) = assess(readings(2), machine(tmp_path, inertia=share)).verdict
     assert cause.cause == "unmodelled_inertia" and isinstance(cause.value, float)
     assert cause.value == pytest.approx((1.0 - share) * INERTIA_KGM2, abs=4.0 * cause.sigma)
-    assert cause.sigma < 0.01 * INERTIA_KGM2
+    assert cause.sigma < 0.02 * INERTIA_KGM2  # given the tolerance of the inertia that the file has
 
 
 def test_a_gain_is_no_inertia_with_more_friction(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from tests.generators.mill_recordings import Case, MillRecording, healthy, mista
 from tests.generators.told_machine import told_machine
 from textile_twin_core.comparison import Assessment, Readings, assess, calibrate, identify
 from textile_twin_core.errors import RecordingError
+from textile_twin_core.inference.parameter import GAIN, gain_factor
 from textile_twin_core.machines import create
 from textile_twin_core.recordings.prediction import recompute
 from textile_twin_core.recordings.samples import AngleSamples
@@ -28,12 +29,10 @@ def test_nothing_is_said_of_a_healthy_recording(machine: str, run_up: bool) -> N
     found = judged(healthy(machine, 901, run_up=run_up, duration_s=18.0))
     assert [cause.text for cause in found.verdict] == []
     assert found.explained > 0.99
-    assert found.repeating_Nm == 0.0 and not any("repeats" in note for note in found.notes)
 
 
 @pytest.mark.parametrize("mass", [0.8, 1.25])
-def test_a_rocker_of_another_mass_is_told_beside_the_sensors_that_it_seems_to_be(mass: float) -> None:
-    """The sensors are right, and what is accused of them is wrong: 40 sigma and more of the gain."""
+def test_a_rocker_of_another_mass_is_named_or_an_equivalent_and_no_sensor_is_accused(mass: float) -> None:
     case = healthy("loom", 911, duration_s=24.0)
     made, machine = record(case), told_machine(case)
     bodies = tuple(
@@ -43,11 +42,12 @@ def test_a_rocker_of_another_mass_is_told_beside_the_sensors_that_it_seems_to_be
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
     told = replace(machine, bodies=bodies)
     found = calibrate(readings, told)
-    assert abs(found.gain.value - 1.0) > 40.0 * found.gain.sigma
-    assert any("repeats with the shaft's angle" in note for note in found.assessment.notes)
-    assert any("masses" in each.between for each in found.ambiguous)
-    identified = identify(readings, told)  # tells by itself what it leaves
-    assert identified.unmodelled.significant and not any("repeats" in note for note in identified.notes)
+    named = {path for cause in found.assessment.verdict for path in (cause.parameter, *cause.equivalents)}
+    assert any("l3" in path for path in named)
+    assert not any(path.startswith("sensors.") for path in named)
+    assert found.gain.value == pytest.approx(1.0, abs=3.0 * found.gain.sigma)
+    identified = identify(readings, told)  # with the file as it is
+    assert identified.unmodelled.significant
 
 
 def test_what_is_too_small_to_be_named_is_no_torque_that_repeats() -> None:
@@ -56,7 +56,6 @@ def test_what_is_too_small_to_be_named_is_no_torque_that_repeats() -> None:
     encoder = replace(case.encoder, zero_rad=math.radians(0.2))
     found = judged(replace(case, encoder=encoder, torque=replace(case.torque, gain=1.012)))
     assert found.verdict == ()
-    assert found.repeating_Nm == 0.0
 
 
 @pytest.mark.parametrize(
@@ -80,16 +79,20 @@ def test_a_mistake_is_named_first(machine: str, names: tuple[str, ...], run_up: 
     found = judged(case)
     assert found.verdict, "nothing was named"
     assert found.verdict[0].cause in right
-    assert found.repeating_Nm == 0.0
 
 
 @pytest.mark.parametrize("run_up", [True, False])
 def test_what_is_too_small_to_be_named_does_not_move_what_is(run_up: bool) -> None:
     """An offset of a hundredth of the torque's peak reads as 1.5 % of gain where it has no part in the fit."""
     case = healthy("tufting", 913, run_up=run_up, duration_s=18.0)
-    (found,) = judged(replace(case, torque=replace(case.torque, gain=1.04, offset_Nm=0.2))).verdict
+    judgement = judged(replace(case, torque=replace(case.torque, gain=1.06, offset_Nm=0.2)))
+    (found,) = judgement.verdict
     assert found.cause == "torque_gain"
-    assert found.value == pytest.approx(1.04, abs=max(3.0 * found.sigma, 0.001)) and found.sigma < 0.002
+    # the file's masses and forces, within their tolerances, give no better scale than one per cent
+    assert found.value == pytest.approx(1.06, abs=3.0 * found.sigma) and found.sigma < 0.015
+    assert judgement.found is not None
+    value, sigma = judgement.found.settled.given_file(GAIN)
+    assert gain_factor(value) == pytest.approx(1.06, abs=max(3.0 * sigma, 0.001)) and sigma < 0.002
 
 
 def test_a_run_up_tells_zero_from_delay() -> None:
@@ -149,7 +152,8 @@ def test_a_load_without_effect_is_left_as_it_is(force_N: float) -> None:
     made = record(healthy("tufting", 904, duration_s=10.0))
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
     found = assess(readings, create("tufting", backing_force_N=force_N))
-    assert found.explanation is not None and found.explanation.settings.load == 1.0
+    assert found.found is not None
+    assert not any(cause.cause == "load_force" for cause in found.verdict)
 
 
 @pytest.mark.parametrize("noise", [True, False])
@@ -163,7 +167,7 @@ def test_settings_that_explain_nothing_are_not_told(noise: bool) -> None:
     assert not noise or "a gear other than 1, 2, 3, 4" in found.text
 
 
-@pytest.mark.parametrize(("offset", "causes"), [(140.0, ["torque_unit"]), (240.0, ["torque_offset", "torque_unit"])])
+@pytest.mark.parametrize(("offset", "causes"), [(140.0, ["torque_unit"]), (240.0, ["torque_unit", "torque_offset"])])
 def test_an_offset_that_is_told_is_not_accused_in_another_unit(offset: float, causes: list[str]) -> None:
     case = healthy("loom", 908, duration_s=15.0)
     torque, told = replace(case.torque, gain=100.0, offset_Nm=offset), replace(case.told, offset_Nm=1.4)
@@ -179,19 +183,19 @@ def test_what_tells_nothing_is_said_in_words() -> None:
     made = record(case)
     rest = made.angle_stamps_ns < made.angle_stamps_ns[0] + 900_000_000
     found = judged(case, _cut(made, rest))
-    assert found.explanation is None and "stands still" in found.notes[0]
+    assert found.found is None and "stands still" in found.notes[0]
     short = (made.angle_stamps_ns > made.angle_stamps_ns[0] + 6_000_000_000) & (
         made.angle_stamps_ns < made.angle_stamps_ns[0] + 6_200_000_000
     )
     found = judged(case, _cut(made, short))
-    assert found.explanation is None and "of a turn" in found.notes[0]
+    assert found.found is None and "of a turn" in found.notes[0]
     found = judged(case, replace(made, torque_stamps_ns=made.torque_stamps_ns + 3_600 * 10**9))
-    assert found.explanation is None and "one clock" in found.notes[0]
+    assert found.found is None and "one clock" in found.notes[0]
     found = judged(case, replace(made, torque=np.full_like(made.torque, 0.25)))
-    assert found.explanation is None and "dead sensor" in found.notes[0]
+    assert found.found is None and "dead sensor" in found.notes[0]
     rounding = 1e-13 * np.random.default_rng(1).standard_normal(made.torque.size)
     found = judged(case, replace(made, torque=1.4 + rounding))
-    assert found.explanation is None and "1.4 throughout" in found.notes[0]
+    assert found.found is None and "1.4 throughout" in found.notes[0]
     with pytest.raises(RecordingError, match="6830 torque samples, none finite"):
         judged(case, replace(made, torque=np.full_like(made.torque, np.nan)))
 

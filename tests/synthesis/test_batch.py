@@ -21,11 +21,11 @@ from textile_twin_core.dynamics.loads import (
 )
 from textile_twin_core.errors import MachineError, SceneError
 from textile_twin_core.machine import Machine
+from textile_twin_core.machine.slots import read, slots, write
 from textile_twin_core.synthesis import Batch, family_of, offset_slider
 from textile_twin_core.synthesis.balancing import shaking
 from textile_twin_core.synthesis.batch import TRANSMISSION
 from textile_twin_core.synthesis.numbers import MOTION, dwell, largest, motion_number, shaking_numbers, torque_numbers
-from textile_twin_core.synthesis.slots import read, slots, write
 from textile_twin_core.synthesis.tolerance import monte_carlo, sensitivities
 from textile_twin_core.synthesis.turn import over_turn, shaft_angles
 

@@ -14,10 +14,10 @@ from tests.synthesis.test_batch import exact_numbers
 from textile_twin_core.dynamics.loads import SliderFriction
 from textile_twin_core.errors import MachineError, SceneError
 from textile_twin_core.machine import Machine
+from textile_twin_core.machine.slots import read, write
 from textile_twin_core.mechanism import GearPair, RPPDyad, RPRDyad, RRPDyad, Travel
 from textile_twin_core.synthesis import Batch, family_of
 from textile_twin_core.synthesis.batch import TRANSMISSION
-from textile_twin_core.synthesis.slots import read, write
 
 
 def measured(machine: Machine, point: str) -> Machine:

@@ -134,7 +134,7 @@ def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded:
         known = (predicted.stamps_ns, predicted.torque_Nm, predicted.settled)
         readings = without_elasticity(readings_of(angles, measured), machine, predicted.track, *known)
         judged = assess(readings, machine, predicted.track)
-        notes, verdict, explained = judged.notes, judged.verdict, judged.explained
+        notes, verdict, explained, seen = judged.notes, judged.verdict, judged.explained, judged.quantities
         times = None if angles.recorded_ns is None else (angles.recorded_ns, angles.stamps)
         angle_topic, stamped = angles.topic, tuple(t for t in (angles.timing, measured.timing) if t is not None)
         del judged, readings, angles  # these and the track hold the whole recording once more
@@ -161,6 +161,7 @@ def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded:
         notes=(*comparison.notes, *widths, *predicted.notes, *notes),
         verdict=verdict,
         explained=explained,
+        quantities=seen,
     )
 
 

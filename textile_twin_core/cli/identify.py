@@ -16,6 +16,7 @@ from textile_twin_core.cli.readings import read_samples, read_second, readings_o
 from textile_twin_core.cli.recording_batch import BatchJob, add_batch, one_recording, quietly, run_batch
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 from textile_twin_core.comparison import Identification, identify, with_table
+from textile_twin_core.comparison.file_numbers import FileNumbers, identify_numbers
 from textile_twin_core.comparison.shaft_identification import ShaftIdentification, identify_shaft
 from textile_twin_core.files import save_machine_file
 from textile_twin_core.machine import Machine
@@ -46,6 +47,11 @@ def parser() -> Parser:
     add_sensors(parser)
     add_outputs(parser, machine_required=False)
     parser.add_argument(
+        "--free",
+        metavar="PATHS",
+        help="estimate these numbers of the machine file instead, such as bodies.l3.mass_kg,groups.l2.length_m",
+    )
+    parser.add_argument(
         "--table",
         action="store_true",
         help="with --out: also write the torque by shaft angle that nobody modelled, as a load",
@@ -59,7 +65,7 @@ def run(arguments: argparse.Namespace) -> None:
     machine = with_sensors(load_linkage(arguments.machine, arguments.set), arguments)
 
     if not one_recording(arguments):
-        for option in ("out", "table"):
+        for option in ("out", "table", "free"):
             if getattr(arguments, option):
                 raise UsageError(f"--{option} is for one recording; of several give --parquet or --json")
         run_batch(arguments, machine, identifying, _line)
@@ -68,7 +74,16 @@ def run(arguments: argparse.Namespace) -> None:
         raise UsageError("--table writes into the machine file: give --out too")
     if arguments.table and machine.sensors.encoder.cycle_turns > 1:
         raise UsageError("--table writes a load over one turn: leave it out, --json has the table over the whole cycle")
+    if arguments.free is not None and (arguments.table or machine.shaft is not None):
+        raise UsageError("--free goes with a rigid main shaft and without --table")
     check_out(arguments)
+    if arguments.free is not None:
+        numbers = _numbers_of(arguments, machine)
+        write_json(arguments, machine, numbers.to_json())
+        if arguments.out is not None:
+            save_machine_file(numbers.machine, arguments.out)
+        print_rows(_number_rows(numbers))
+        return
     found = identify_recording(arguments, machine)
     write_json(arguments, machine, found.to_json())
     if isinstance(found, ShaftIdentification):
@@ -124,6 +139,27 @@ def _rows(found: Identification | ShaftIdentification) -> list[tuple[str, str]]:
         before, after = (math.degrees(each) for each in found.second_rms_rad)
         rows.append(("second encoder, RMS error", f"{before:.3g} deg before, {after:.3g} deg after"))
     return rows
+
+
+def _numbers_of(arguments: argparse.Namespace, machine: Machine) -> FileNumbers:
+    """The numbers of the machine file that --free names."""
+    paths = [path.strip() for path in arguments.free.split(",") if path.strip()]
+    _, angles, measured = read_samples(arguments, machine)
+    with stages(len(angles)) as stage:
+        read = readings_of(angles, measured)
+        return identify_numbers(read, machine, paths, lambda what, until: stage(what, until, 1))
+
+
+def _number_rows(found: FileNumbers) -> list[tuple[str, str]]:
+    """Numbers of the file in words, given its tolerances and given it exactly."""
+    rows = []
+    for path, each in found.parameters.items():
+        exact = found.given_file[path]
+        unit = f" {found.unit[path]}".rstrip()
+        text = f"{each.value:.5g} +- {each.sigma:.2g}{unit} given the file's tolerances"
+        rows.append((path, f"{text}; {exact.value:.5g} +- {exact.sigma:.2g}{unit} given the file exactly"))
+    rows += [("not identifiable", path) for path in found.not_identifiable]
+    return rows + [("note", text) for text in found.notes]
 
 
 def _print(found: Identification) -> None:

@@ -12,6 +12,9 @@ from importlib.metadata import version
 from textile_twin_core.cli.mistakes import BeyondLimitError, nearest, tell
 from textile_twin_core.errors import TwinError, how_to_install
 
+# Matrices of some sixty rows gain nothing from threads, which wait for each other on a busy computer.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 COMMANDS = {
     "machines": "the machines, their outputs and parameters",
     "published": "the papers' numbers beside ours, and their figures drawn anew",

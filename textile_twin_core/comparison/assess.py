@@ -4,24 +4,32 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from textile_twin_core.comparison.elastic_hypothesis import RIGID_NOTE, elastic_cause, elastic_hypothesis
 from textile_twin_core.comparison.evidence import REST_SHARE, Evidence, Settings
-from textile_twin_core.comparison.explain import Explanation, explain
+from textile_twin_core.comparison.governed import torque_by_speed
 from textile_twin_core.comparison.leaps import leaps_of, parts_between, without_turns
-from textile_twin_core.comparison.left_over import repeating_note, repeating_torque
 from textile_twin_core.comparison.periodic import best_periodic
 from textile_twin_core.comparison.range_ends import at_range_ends, range_end_note
 from textile_twin_core.comparison.readings import FEWEST_TURNS, AngleUnit, Readings, angle_unit, samples_per_turn
-from textile_twin_core.comparison.search import LONGEST_DELAY_S
+from textile_twin_core.comparison.rest import standstills
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack, shaft_track
 from textile_twin_core.comparison.stamp_timing import burst_verdict
 from textile_twin_core.comparison.torque_terms import TorqueTerms
-from textile_twin_core.comparison.verdict import FEWEST_ANGLES, NOT_THIS_MACHINE, Cause, causes
+from textile_twin_core.comparison.verdict import NOT_THIS_MACHINE, Cause, Quantity, causes, quantities
+from textile_twin_core.inference.measurement import Hypothesis
+from textile_twin_core.inference.parameter import COULOMB, DELAY, DRIFT, GAIN, OFFSET, ROTOR, VISCOUS, ZERO, gain_factor
+from textile_twin_core.inference.posterior import Posterior, infer
+from textile_twin_core.inference.record import MOST_SAMPLES, Record
+from textile_twin_core.inference.settled import Settled, settle, settled_sensors
+from textile_twin_core.inference.starts import RATIOS
 from textile_twin_core.machine import Machine
 
+LONGEST_DELAY_S = 1.0
+_MOST_GOVERNED = 60_000
 OTHER_UNITS = (("degrees", 360.0), ("revolutions", 1.0))
 """Units that are tried for an angle that never begins anew, when radians explain little."""
 SOME_LEAPS = 3
@@ -33,6 +41,8 @@ _CONSTANT = 1e-9
 _LEAST_PART, _EQUAL = 0.25, 0.9
 """Of all turns, those of a part without a leap that stands for all; of the most turns, those of a part as good."""
 _MOST_TOLD = 3
+_FEWEST_SETTLED = 6.0
+"""Turns of a part from which the turn beside a leap is left out."""
 _PLAUSIBLE_RAD_S = (0.2, 700.0)
 _WHEEL = (
     "read off a toothed wheel the acceleration is not known well enough for this torque: no verdict on it; hold the"
@@ -50,21 +60,66 @@ class Assessment:
     """A recording judged.
 
     Attributes:
-        unit: of the logged angle. explanation: None when nothing can be told, and then `notes` says why.
-        verdict: what is wrong, likeliest first; empty when nothing is. notes: what a reader should know.
-        repeating_Nm: largest torque left that repeats with the shaft's angle (see `repeating_torque`); 0 if none.
+        unit: of the logged angle. found: what the recording says of machine and sensors; None when nothing can be told,
+            and then `notes` says why.
+        verdict: what is wrong, likeliest first; empty when nothing is. quantities: what matters, each once.
+        notes: what a reader should know.
     """
 
     unit: AngleUnit
-    explanation: Explanation | None
+    found: Judged | None
     verdict: tuple[Cause, ...]
     notes: tuple[str, ...]
-    repeating_Nm: float = 0.0
+    quantities: tuple[Quantity, ...] = ()
 
     @property
     def explained(self) -> float:
         """Share of the torque's variance that is explained, nan when nothing can be told."""
-        return math.nan if self.explanation is None else self.explanation.explained
+        return math.nan if self.found is None else self.found.explained
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A record and its posterior.
+
+    Attributes:
+        evidence: the record. posterior: by means over a tenth of a turn.
+        ratio: of the encoder beside the configured one. encoder_turn_rad: shaft angle of a turn of the encoder.
+        explained: share of the torque's variance that the values of the posterior explain, sample by sample.
+        governed_Nms: by how much the torque falls as the speed rises; not 0, delay and inertia look alike.
+    """
+
+    evidence: Evidence
+    posterior: Posterior
+    ratio: float
+    encoder_turn_rad: float
+    explained: float
+    governed_Nms: float
+
+    @cached_property
+    def settled(self) -> Settled:
+        """All sensors and friction given the machine file, and within its tolerances."""
+        return settle(self.posterior, settled_sensors(self.posterior, self.evidence.turns_both_ways()))
+
+    @cached_property
+    def settings(self) -> Settings:
+        """The settled values as settings of the record's evidence."""
+        p, found = self.settled, self.posterior.hypothesis
+        of_file = self.posterior.measurement.parameters
+        loads = [p.value(known.name) / known.nominal for known in of_file if known.kind == "force"]
+        return Settings(
+            direction=1 if found.turn > 0.0 else -1,
+            ratio=abs(found.turn),
+            zero_rad=found.zero_rad + p.value(ZERO),
+            gain=found.gain * gain_factor(p.value(GAIN)),
+            offset_Nm=found.shown_offset(p.value(OFFSET)),
+            delay_s=found.delay_s + p.value(DELAY),
+            drift=p.value(DRIFT),
+            load=loads[0] if loads else 1.0,
+            constant_Nm=p.departure(COULOMB),
+            viscous_Nms=p.departure(VISCOUS),
+            inertia_kgm2=p.departure(ROTOR),
+        )
 
 
 def assess(readings: Readings, machine: Machine, track: ShaftTrack | None = None) -> Assessment:
@@ -95,34 +150,80 @@ def _assess(readings: Readings, machine: Machine, track: ShaftTrack | None) -> A
     if twisting is not None:
         # Fits of a rigid machine would explain the vibration by false inertias and sensors.
         return Assessment(unit, None, (elastic_cause(twisting),), (RIGID_NOTE,))
-    found = explain(evidence, configured_settings(machine), _encoder_turn(machine))
-    if found is not None and found.settings.ratio != 1.0:
-        found = _with_its_ratio(readings, machine, terms, unit, found)
+    found = _judged(readings, machine, terms, unit, evidence)
     if not unit.wrapped and (found is None or found.explained < 0.9):
-        unit, evidence, found = _other_unit(readings, machine, terms, (unit, evidence, found))
+        unit, found = _other_unit(readings, machine, terms, (unit, found))
     if found is None:
         return Assessment(unit, None, (), ("no setting of encoder and torque sensor gives any accord",))
     evidence = found.evidence
-    per_turn = samples_per_turn(readings.angle_stamps_ns, found.settings.ratio * evidence.working_speed())
+    speed = found.posterior.hypothesis.turn * evidence.working_speed()
+    per_turn = samples_per_turn(readings.angle_stamps_ns, speed)
     # What any machine could explain is asked only when this one leaves something.
     short = 1.0 - found.explained > NOT_THIS_MACHINE
     periodic = best_periodic(evidence.thinned(), found.settings) if short else found.explained
     if short and machine.sensors.encoder.teeth:
-        # Its pitch errors read as acceleration: what follows from that accuses nobody.
-        return Assessment(unit, found, (), (*_notes(evidence, found), _WHEEL))
-    named, notes = causes(found, unit, per_turn, periodic), _notes(evidence, found)
+        # Its pitch errors read as acceleration: what follows from that accuses no part.
+        return Assessment(unit, found, (), (*_notes(evidence), _WHEEL))
+    named, notes = causes(found, unit, per_turn, periodic), _notes(evidence)
     if machine.sensors.encoder.teeth and machine.sensors.encoder.pitch_errors_rad is None:
         judged = [cause for cause in named if cause.cause not in _LIKE_PITCH_ERRORS]
         if len(judged) < len(named):
             notes = (*notes, _PITCH)
         named = judged
-    repeating = 0.0
-    # Pitch errors repeat as well, and so does all that a wrong machine leaves, of which the verdict tells.
-    if not short and per_turn >= FEWEST_ANGLES and not machine.sensors.encoder.teeth:
-        repeating = repeating_torque(found)
-    if repeating:
-        notes = (*notes, repeating_note(repeating))
-    return Assessment(unit, found, tuple(named), notes, repeating)
+    return Assessment(unit, found, tuple(named), notes, quantities(found, named) if not short else ())
+
+
+def _judged(
+    readings: Readings, machine: Machine, terms: TorqueTerms, unit: AngleUnit, evidence: Evidence
+) -> Judged | None:
+    """The record's posterior; under another gear ratio with the shaft's motion estimated again."""
+    configured, ratio = hypothesis_of(machine), 1.0
+    posterior, governed = _inferred(evidence, machine, configured, RATIOS)
+    if posterior is None:
+        return None
+    beside = abs(posterior.hypothesis.turn / configured.turn)
+    if abs(beside - 1.0) > 1e-9:
+        evidence = gather(readings, machine, terms, unit, beside)
+        again, ratio = replace(configured, turn=configured.turn / beside), beside
+        posterior, governed = _inferred(evidence, machine, again, (beside,))
+        if posterior is None:
+            return None
+    return Judged(evidence, posterior, ratio, _encoder_turn(machine), posterior.explained, governed)
+
+
+def _inferred(
+    evidence: Evidence, machine: Machine, configured: Hypothesis, ratios: tuple[float, ...]
+) -> tuple[Posterior | None, float]:
+    """The posterior, and by how much the torque falls as the speed rises.
+
+    Where it follows the speed, errors of single accelerations are correlated with the torque; means over a tenth of a
+    turn have none of them.
+    """
+    turning = evidence.in_blocks().thinned(_MOST_GOVERNED)
+    governed = torque_by_speed(turning, configured.delay_s)
+    found = infer(record_of(evidence, bool(governed)), machine, configured, ratios)
+    if found is not None and not governed:
+        governed = torque_by_speed(turning, found.hypothesis.delay_s + found.value(DELAY))
+        if governed:
+            found = infer(record_of(evidence, True), machine, configured, ratios)
+    return found, governed
+
+
+def record_of(evidence: Evidence, speed_controlled: bool = False) -> Record:
+    """The record as the inference reads it, by samples, or under a controller by means over a tenth of a turn."""
+    turning = (evidence.in_blocks() if speed_controlled else evidence).thinned(MOST_SAMPLES)
+    return Record(
+        turning.time_s,
+        turning.torque_Nm,
+        evidence.track,
+        evidence.middle_s,
+        evidence.working_speed(),
+        evidence.rest_rad_s,
+        standstills(evidence),
+        evidence.track.at_one_speed,
+        speed_controlled,
+        turning.block_s,
+    )
 
 
 def _unit(readings: Readings) -> AngleUnit:
@@ -149,6 +250,13 @@ def configured_settings(machine: Machine) -> Settings:
         offset_Nm=sensor.offset_Nm,
         delay_s=sensor.delay_s,
     )
+
+
+def hypothesis_of(machine: Machine) -> Hypothesis:
+    """What a machine says of its sensors, for a track of its own ratio."""
+    encoder, sensor = machine.sensors.encoder, machine.sensors.torque
+    zero = encoder.zero_rad * encoder.direction * encoder.ratio
+    return Hypothesis(float(encoder.direction), sensor.gain, zero, sensor.delay_s, sensor.offset_Nm)
 
 
 def gather(readings: Readings, machine: Machine, terms: TorqueTerms, unit: AngleUnit, ratio: float = 1.0) -> Evidence:
@@ -193,13 +301,25 @@ def _unbroken(track: ShaftTrack) -> tuple[ShaftTrack, tuple[tuple[float, float],
     All of the track where it leaps too often for a part to stand for it; then none is told.
     """
     by = leaps_of(track)
-    parts = [track.between(*ends) for ends in parts_between(track)] if by.any() else []
+    parts = [_settled(track.between(*ends), track) for ends in parts_between(track)] if by.any() else []
     turns = [part.turns for part in parts]
     if not parts or max(turns) < max(_LEAST_PART * sum(turns), FEWEST_TURNS):
         return track, ()
     best = next(part for part, each in zip(parts, turns, strict=True) if each > _EQUAL * max(turns))
     leaps = [(float(track.time_s[k + 1]), float(by[k])) for k in np.flatnonzero(by)]
     return best, tuple(leaps)
+
+
+def _settled(part: ShaftTrack, track: ShaftTrack) -> ShaftTrack:
+    """A part of a track without the turn beside a leap, in which the estimated motion is not settled."""
+    if part.turns < _FEWEST_SETTLED:
+        return part
+    theta, keep = part.theta_rad, np.ones(part.theta_rad.size, np.bool_)
+    for end, is_leap in ((0, part.time_s[0] > track.time_s[0]), (-1, part.time_s[-1] < track.time_s[-1])):
+        if is_leap:
+            keep &= np.abs(theta - theta[end]) >= TURN
+    times = part.time_s[keep]
+    return part.between(float(times[0]), float(times[-1])) if times.size else part
 
 
 def nothing_to_tell(evidence: Evidence) -> str:
@@ -229,22 +349,9 @@ def _encoder_turn(machine: Machine) -> float:
     return TURN * machine.sensors.encoder.ratio
 
 
-def _with_its_ratio(
-    readings: Readings, machine: Machine, terms: TorqueTerms, unit: AngleUnit, found: Explanation
-) -> Explanation:
-    """The same again with the shaft's motion estimated under the ratio that was found."""
-    ratio = found.settings.ratio
-    evidence = gather(readings, machine, terms, unit, ratio)
-    configured = replace(configured_settings(machine), ratio=1.0 / ratio)
-    return explain(evidence, configured, _encoder_turn(machine), (ratio,)) or found
-
-
 def _other_unit(
-    readings: Readings,
-    machine: Machine,
-    terms: TorqueTerms,
-    first: tuple[AngleUnit, Evidence, Explanation | None],
-) -> tuple[AngleUnit, Evidence, Explanation | None]:
+    readings: Readings, machine: Machine, terms: TorqueTerms, first: tuple[AngleUnit, Judged | None]
+) -> tuple[AngleUnit, Judged | None]:
     """The unit, of those that give a plausible speed, under which the record is explained best."""
     best = first
     for name, turn in OTHER_UNITS:
@@ -252,15 +359,13 @@ def _other_unit(
         evidence = gather(readings, machine, terms, unit)
         if nothing_to_tell(evidence) or not _PLAUSIBLE_RAD_S[0] < abs(evidence.working_speed()) < _PLAUSIBLE_RAD_S[1]:
             continue
-        found = explain(evidence, configured_settings(machine), _encoder_turn(machine))
-        if found is not None and found.settings.ratio != 1.0:
-            found = _with_its_ratio(readings, machine, terms, unit, found)
-        if found is not None and (best[2] is None or 1.0 - found.explained < 0.5 * (1.0 - best[2].explained)):
-            best = (unit, evidence, found)
+        found = _judged(readings, machine, terms, unit, evidence)
+        if found is not None and (best[1] is None or 1.0 - found.explained < 0.5 * (1.0 - best[1].explained)):
+            best = (unit, found)
     return best
 
 
-def _notes(evidence: Evidence, found: Explanation) -> tuple[str, ...]:
+def _notes(evidence: Evidence) -> tuple[str, ...]:
     notes = []
     if evidence.at_ends_Nm.size:
         ends = np.unique(evidence.at_ends_Nm)
@@ -285,11 +390,5 @@ def _notes(evidence: Evidence, found: Explanation) -> tuple[str, ...]:
         notes.append(
             f"the shaft angle leaps {evidence.track.leaps} times as no shaft does, and torque there is wrong: an"
             " encoder that slips, or a controller that is polled by another clock (--stamp-jitter, 0.3 of its cycle)"
-        )
-    if found.others:
-        other = found.others[0].fit.settings
-        notes.append(
-            f"as well explained by direction {other.direction:+d}, ratio {other.ratio:.4g}, torque gain"
-            f" {other.gain:+.3g}: a recording with another speed, or at rest, would tell"
         )
     return tuple(notes)

@@ -1,36 +1,29 @@
-"""Calibrate: encoder and torque sensor of a machine settled from one recording."""
+"""Calibrate: sensors settled from one recording, with their uncertainty and what it cannot tell."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from textile_twin_core.comparison.assess import Assessment, assess
-from textile_twin_core.comparison.evidence import Settings
-from textile_twin_core.comparison.explain import ALL_SAMPLES, INERTIA, Explanation
-from textile_twin_core.comparison.identifiable import identifiable
+from textile_twin_core.comparison.assess import Assessment, Judged, assess, hypothesis_of
 from textile_twin_core.comparison.readings import Readings
-from textile_twin_core.comparison.rest import rest_reading
 from textile_twin_core.comparison.result import plain
-from textile_twin_core.comparison.settings_fit import SettingsFit, fit_settings
 from textile_twin_core.comparison.shaft_track import TURN
 from textile_twin_core.comparison.stage import Begin, unheard
 from textile_twin_core.comparison.stamp_timing import widened
-from textile_twin_core.comparison.torque_units import nearest_gain
-from textile_twin_core.comparison.uncertainty import Estimate, estimates
+from textile_twin_core.comparison.uncertainty import Estimate
 from textile_twin_core.comparison.verdict import NOT_THIS_MACHINE
 from textile_twin_core.errors import RecordingError
+from textile_twin_core.inference.measurement import Hypothesis
+from textile_twin_core.inference.parameter import DELAY, GAIN, HELD, OFFSET, ROTOR, SENSORS, ZERO, gain_factor
+from textile_twin_core.inference.torque_units import nearest_gain
 from textile_twin_core.machine import Machine
 from textile_twin_core.machine.sensors import Sensors, TorqueSensor
-
-_TOLD = 0.005
-"""Sigma over value from which on a gain is not told apart from the loads."""
-_LEAST_LOAD, _SIGMAS = 0.01, 4.0
-"""By so much, and so many standard deviations, loads are other than declared; the latter holds for offsets, too."""
 
 _MOST_LEFT = 0.5
 """Share of the RMS error that an encoder or a sensor turned round may leave at most: else it explains nothing."""
@@ -57,6 +50,7 @@ class Calibration:
     Attributes:
         angle_unit: of the logged angle. direction, ratio, zero_rad: the encoder's.
         sign, unit_factor, unit: of the torque. gain, offset_Nm, delay_s: of the torque sensor.
+        given_file: the same where all other numbers of the file are exactly right, by name.
         ambiguous: what this recording cannot tell.
         rms_before_Nm, rms_after_Nm: of the residual while the shaft turns, sensors as they were and as settled.
         rms_beside_Nm: what is left when friction, loads and drift that the file does not get are taken off too.
@@ -73,6 +67,7 @@ class Calibration:
     gain: Estimate
     offset_Nm: Estimate
     delay_s: Estimate
+    given_file: Mapping[str, Estimate]
     ambiguous: tuple[Ambiguity, ...]
     rms_before_Nm: float
     rms_after_Nm: float
@@ -96,6 +91,7 @@ class Calibration:
                     "offset_Nm": dataclasses.asdict(self.offset_Nm),
                     "delay_s": dataclasses.asdict(self.delay_s),
                 },
+                "given_file": {name: dataclasses.asdict(each) for name, each in self.given_file.items()},
                 "ambiguous": [dataclasses.asdict(each) for each in self.ambiguous],
                 "rms_before_Nm": self.rms_before_Nm,
                 "rms_after_Nm": self.rms_after_Nm,
@@ -111,8 +107,7 @@ class Calibration:
 def calibrate(readings: Readings, machine: Machine, begin: Begin = unheard) -> Calibration:
     """Settle direction, ratio and zero of the encoder, and sign, unit, gain, offset and delay of the torque sensor.
 
-    Discrete settings are those of the likeliest hypothesis (see `search`), continuous ones are fitted to all samples,
-    with what else departs (loads, friction) fitted beside them. Intervals are by `uncertainty_by_turns`.
+    Values, standard deviations and intervals hold where the file is off within its tolerances (see `Settled`).
     `begin` hears of each stage.
 
     Raises RecordingError when the recording tells nothing, is of another machine, or what it asks for explains no more.
@@ -120,36 +115,41 @@ def calibrate(readings: Readings, machine: Machine, begin: Begin = unheard) -> C
     begin("judging", _JUDGED)
     assessment = assess(readings, machine)
     begin("settling", 1.0)
-    found = assessment.explanation
+    found = assessment.found
     if found is None:
         raise RecordingError("; ".join(assessment.notes))
-    foreign = [c.text for c in assessment.verdict if c.cause in ("stamps_in_bursts", "other_machine")]
-    if 1.0 - found.explained > NOT_THIS_MACHINE and foreign:
-        text = foreign[0]
-        raise RecordingError(f"no calibration from this recording: {text}")
-    fit, at_rest = _with_rest(found, _final_fit(found))
-    fit, told = _beside_loads(found, fit)
-    known = estimates(fit)
-    settings = fit.settings
-    turned = settings.direction * machine.sensors.encoder.ratio * settings.ratio / found.configured.ratio
-    near = nearest_gain(settings.gain, 1.0)
-    before, after = _rms(found, found.configured), _rms(found, _sensors_alone(settings, found.configured))
-    mirrored = settings.direction != found.configured.direction or settings.gain * found.configured.gain < 0.0
-    if (mirrored or settings.ratio != found.configured.ratio) and after > _MOST_LEFT * before:
+    short = 1.0 - found.explained > NOT_THIS_MACHINE
+    reasons = ("other_machine", "stamps_in_bursts") if short else ("other_machine",)
+    foreign = [c.text for c in assessment.verdict if c.cause in reasons]
+    if foreign:
+        raise RecordingError(f"no calibration from this recording: {foreign[0]}")
+    s = found.settings
+    configured, hypothesis = hypothesis_of(machine), found.posterior.hypothesis
+    turned = s.direction * machine.sensors.encoder.ratio * found.ratio
+    near = nearest_gain(s.gain, 1.0)
+    before, after, beside = _rms(found, configured), _rms(found, None, sensors_alone=True), _rms(found, None)
+    mirrored = hypothesis.turn * configured.turn < 0.0 or s.gain * configured.gain < 0.0
+    if (mirrored or found.ratio != 1.0) and after > _MOST_LEFT * before:
         raise RecordingError(
             f"no calibration from this recording: another direction, sign or ratio takes its RMS error from"
             f" {before:.3g} to {after:.3g} N m only, so the fault lies elsewhere; see what compare tells of it"
         )
-    zero = known.get("zero_rad", Estimate(settings.zero_rad)).scaled(1.0 / turned)
+    zero = _estimate(found, ZERO, hypothesis.zero_rad).scaled(1.0 / turned)
     zero = zero.scaled(1.0, _whole_turns(zero.value, machine.sensors.encoder.zero_rad, TURN / abs(turned)))
-    gain = known.get("gain", Estimate(settings.gain)).scaled(1.0 / near.gain)
-    offset = known.get("offset_Nm", at_rest or Estimate(settings.offset_Nm))
-    delay = widened(known.get("delay_s", Estimate(settings.delay_s)), readings.stamped)
-    encoder = replace(machine.sensors.encoder, zero_rad=zero.value, direction=settings.direction, ratio=abs(turned))
-    sensor = TorqueSensor(settings.gain, offset.value, delay.value)
+    gain = _gain(found).scaled(1.0 / near.gain)
+    offset = _estimate(found, OFFSET, hypothesis.offset_Nm, hypothesis.unit)
+    delay = widened(_estimate(found, DELAY, hypothesis.delay_s), readings.stamped)
+    encoder = replace(machine.sensors.encoder, zero_rad=zero.value, direction=s.direction, ratio=abs(turned))
+    sensor = TorqueSensor(s.gain, offset.value, delay.value)
+    given = {
+        "zero_rad": _given_file(found, ZERO, hypothesis.zero_rad).scaled(1.0 / turned),
+        "torque.gain": _gain(found, given_file=True).scaled(1.0 / near.gain),
+        "torque.offset_Nm": _given_file(found, OFFSET, hypothesis.offset_Nm, hypothesis.unit),
+        "torque.delay_s": widened(_given_file(found, DELAY, hypothesis.delay_s), readings.stamped),
+    }
     return Calibration(
         angle_unit=assessment.unit.name,
-        direction=settings.direction,
+        direction=s.direction,
         ratio=abs(turned),
         zero_rad=zero,
         sign=near.sign,
@@ -158,102 +158,64 @@ def calibrate(readings: Readings, machine: Machine, begin: Begin = unheard) -> C
         gain=gain,
         offset_Nm=offset,
         delay_s=delay,
-        ambiguous=tuple(_ambiguous(assessment, found, fit, abs(turned), told, offset)),
+        given_file=given,
+        ambiguous=tuple(_ambiguous(assessment, found, abs(turned))),
         rms_before_Nm=before,
         rms_after_Nm=after,
-        rms_beside_Nm=fit.rms,
+        rms_beside_Nm=beside,
         assessment=assessment,
         machine=replace(machine, sensors=Sensors(encoder, sensor)),
     )
 
 
-def _final_fit(found: Explanation) -> SettingsFit:
-    """All sensor settings that the record can tell, fitted to all of its samples."""
-    free = {*found.departing, "gain"} | ({"zero_rad"} if found.evidence.terms.has_zero else set())
-    is_one = bool(found.governed_Nms) and INERTIA in free
-    if found.one_speed:
-        free -= {"zero_rad"} if is_one or "delay_s" in found.departing else {"delay_s"}
-    elif not is_one:
-        free |= {"delay_s"}
-    if found.offset_at_rest is not None:
-        free = (free | {"constant_Nm"}) - {"offset_Nm"}
-    elif "offset_Nm" in found.departing or found.evidence.turns_both_ways():
-        free |= {"offset_Nm"}
-    elif found.rest_tells or "viscous_Nms" in free:
-        free |= {"constant_Nm"}  # friction, then: at rest the sensor shows none of it
-    elif "constant_Nm" not in free:
-        free |= {"offset_Nm"}
-    return fit_settings(found.weighed.thinned(ALL_SAMPLES), found.settings, free)
+def _estimate(found: Judged, name: str, configured: float, unit: float = 1.0) -> Estimate:
+    """A settled sensor value, of which the configured one is part; without an interval where it stays as configured."""
+    settled = found.settled
+    if name not in settled.free:
+        return Estimate(configured)
+    low, high = settled.interval95(name)
+    return Estimate(settled.value(name), settled.sigma(name), (low, high)).scaled(unit, configured)
 
 
-def _with_rest(found: Explanation, fit: SettingsFit) -> tuple[SettingsFit, Estimate | None]:
-    """The fit with the torque sensor's offset as the shaft at rest shows it, and that offset where there is one.
+def _given_file(found: Judged, name: str, configured: float, unit: float = 1.0) -> Estimate:
+    """A sensor value where all other numbers are exactly as in the file."""
+    if name not in found.settled.free:
+        return Estimate(configured)
+    value, sigma = found.settled.given_file(name)
+    return Estimate(value, sigma, (value - 1.96 * sigma, value + 1.96 * sigma)).scaled(unit, configured)
 
-    It counts by its sigma: what is too small to accuse anybody of is an offset all the same, which left out reads as
-    friction. What is not significant leaves the offset as configured, and known by the rest. A shaft held at rest shows
-    a torque that is gone while it turns, or whose friction would help it on: of that none is the sensor's.
+
+def _gain(found: Judged, given_file: bool = False) -> Estimate:
+    """The gain with sign and unit (see `gain_factor` of its parameter)."""
+    settled, gain = found.settled, found.posterior.hypothesis.gain
+    value, sigma = settled.given_file(GAIN) if given_file else (settled.value(GAIN), settled.sigma(GAIN))
+    factor = gain_factor(value)
+    ends = sorted(gain * gain_factor(min(value + side * 1.96 * sigma, 0.99)) for side in (-1.0, 1.0))
+    return Estimate(gain * factor, abs(gain) * factor**2 * sigma, (ends[0], ends[1]))
+
+
+def _rms(found: Judged, hypothesis: Hypothesis | None, sensors_alone: bool = False) -> float:
+    """RMS of the residual [N m] while the shaft turns: as configured by a hypothesis, or as settled.
+
+    sensors_alone: of what is settled only what a machine file gets of it, the sensors.
     """
-    if found.offset_at_rest is not None or not found.rest_tells or "constant_Nm" not in fit.free:
-        return fit, found.offset_at_rest
-    settings, turning = fit.settings, estimates(fit)["constant_Nm"]
-    shown = rest_reading(found.evidence, settings)
-    if shown is None:
-        return fit, None
-    if not _significant(shown):
-        return fit, _kept(settings.offset_Nm, shown.scaled(1.0, settings.offset_Nm))
-    if not _significant(turning):
-        return fit, None
-    way = float(np.sign(settings.direction * found.evidence.working_speed()))
-    friction = settings.constant_Nm - shown.value * way / settings.gain
-    sigma = math.hypot(turning.sigma, shown.sigma / settings.gain)
-    if friction < -found.evidence.terms.coulomb_Nm - _SIGMAS * sigma:
-        return fit, None
-    start = replace(settings, constant_Nm=friction, offset_Nm=settings.offset_Nm + shown.value)
-    fit = fit_settings(found.weighed.thinned(ALL_SAMPLES), start, fit.free)
-    return fit, shown.scaled(1.0, settings.offset_Nm)
+    m = found.posterior.measurement
+    x = m.nominal.copy()
+    if hypothesis is None:
+        hypothesis, wanted = found.posterior.hypothesis, (ZERO, DELAY, GAIN, OFFSET) if sensors_alone else m.names
+        for name in wanted:
+            x[m.place[name]] = found.settled.value(name)
+    elif found.ratio != 1.0:
+        hypothesis = replace(hypothesis, turn=hypothesis.turn / found.ratio)
+    m.model.linearise(m.values(x), found.posterior.departing)
+    residual, good = m.residual(hypothesis, x)
+    return float(np.sqrt(np.mean(residual[good] ** 2))) if good.any() else math.nan
 
 
-def _kept(value: float, shown: Estimate) -> Estimate:
-    """A value that is kept beside what was shown instead: how far off it may be, and the interval of both."""
-    low, high = shown.interval95
-    return Estimate(value, math.hypot(shown.sigma, shown.value - value), (min(low, value), max(high, value)))
-
-
-def _significant(estimate: Estimate) -> bool:
-    return abs(estimate.value) > _SIGMAS * estimate.sigma
-
-
-def _beside_loads(found: Explanation, fit: SettingsFit) -> tuple[SettingsFit, bool]:
-    """The fit with the loads free too, where they are other than declared; whether gain and loads can be told apart.
-
-    Loads a little stronger than declared, too little to be named as a departure, are no gain of the sensor.
-    """
-    if not found.evidence.terms.has_load:
-        return fit, True
-    told = found.configured.load
-    if "load" in fit.free:
-        load = estimates(fit)["load"]
-        if abs(load.value - told) > max(_LEAST_LOAD, _SIGMAS * load.sigma):
-            return fit, True
-        # What the verdict took for loads is all of the gain, once that is free.
-        free = [name for name in fit.free if name != "load"]
-        return fit_settings(found.weighed.thinned(ALL_SAMPLES), replace(fit.settings, load=told), free), True
-    beside = fit_settings(found.weighed.thinned(ALL_SAMPLES), fit.settings, {*fit.free, "load"})
-    kept, _ = identifiable(beside.jacobian[beside.good], beside.free, ("load",))
-    known = estimates(beside)
-    gain, load = known["gain"], known["load"]
-    if "load" not in kept or gain.sigma > _TOLD * abs(gain.value):
-        return fit, False
-    away = abs(load.value - told)
-    return (beside if away > max(_LEAST_LOAD, _SIGMAS * load.sigma) else fit), True
-
-
-def _ambiguous(
-    assessment: Assessment, found: Explanation, fit: SettingsFit, ratio: float, told: bool, offset: Estimate
-) -> list[Ambiguity]:
-    ambiguous = []
-    if found.one_speed:
-        kept = "delay" if "delay_s" in fit.free else "zero"
+def _ambiguous(assessment: Assessment, found: Judged, ratio: float) -> list[Ambiguity]:
+    p, settled, ambiguous = found.posterior, found.settled, list[Ambiguity]()
+    if p.measurement.record.one_speed:
+        kept = "delay" if DELAY in settled.free else "zero"
         ambiguous.append(
             Ambiguity(
                 ("zero_rad", "torque.delay_s"),
@@ -262,7 +224,7 @@ def _ambiguous(
             )
         )
     if found.governed_Nms:
-        kept = "inertia" if INERTIA in fit.free else "delay"
+        kept = "inertia" if ROTOR in p.departing else "delay"
         ambiguous.append(
             Ambiguity(
                 ("torque.delay_s", "inertia"),
@@ -271,15 +233,7 @@ def _ambiguous(
                 "no recording under this controller tells; one that holds the speed more stiffly tells better",
             )
         )
-    if not found.rest_tells and not found.evidence.turns_both_ways():
-        ambiguous.append(
-            Ambiguity(
-                ("torque.offset_Nm", "shaft_coulomb_Nm"),
-                "while the shaft turns one way, an offset of the torque sensor looks like dry friction",
-                _FREE_REST,
-            )
-        )
-    elif not math.isfinite(offset.sigma):
+    if HELD in p.departing:
         ambiguous.append(
             Ambiguity(
                 ("torque.offset_Nm", "shaft_coulomb_Nm"),
@@ -288,14 +242,24 @@ def _ambiguous(
                 _FREE_REST,
             )
         )
-    if not told:
+    elif OFFSET not in settled.free:
         ambiguous.append(
             Ambiguity(
-                ("torque.gain", "load"),
-                "a gain of the torque sensor looks like stronger loads; those of the machine file were taken as right",
-                "it takes several speeds up to the highest, or some turns without the load",
+                ("torque.offset_Nm", "shaft_coulomb_Nm"),
+                "while the shaft turns one way, an offset of the torque sensor looks like dry friction",
+                _FREE_REST,
             )
         )
+    for name in p.departing.intersection(SENSORS):
+        others = [other for other in p.equivalents(name) if other != HELD and {name, other} != {ZERO, DELAY}]
+        if others:
+            ambiguous.append(
+                Ambiguity(
+                    (name.removeprefix("sensors.").removeprefix("encoder."), *others),
+                    f"{', '.join(others)} wrong in the machine file explains this recording as well as {name}",
+                    "a recording at another speed, without the load or at standstill may tell; else measure the part",
+                )
+            )
     if assessment.unit.wrapped and ratio < 0.75:
         parts = round(1.0 / ratio)
         ambiguous.append(
@@ -306,30 +270,12 @@ def _ambiguous(
                 "no recording tells; use an encoder on the shaft itself, or one that counts its turns",
             )
         )
-    if assessment.repeating_Nm:
-        ambiguous.append(
-            Ambiguity(
-                ("zero_rad", "torque.gain", "torque.delay_s", "masses", "joint_friction"),
-                f"up to {assessment.repeating_Nm:.2g} N m that repeat with the shaft's angle are left: wrong masses or"
-                " friction of a joint look like this, and in part like these settings, whose intervals do not hold it",
-                "no recording tells; weigh the links, declare friction of joints and every load, then calibrate again",
-            )
-        )
-    if not found.evidence.terms.has_zero:
+    if not p.measurement.model.depends_on_angle():
         ambiguous.append(
             Ambiguity(
                 ("zero_rad",),
                 "the torque of this machine does not depend on the shaft's angle: the zero stays as configured",
                 "no recording tells",
-            )
-        )
-    for other in found.others:
-        s = other.fit.settings
-        ambiguous.append(
-            Ambiguity(
-                ("direction", "torque.sign"),
-                f"direction {s.direction:+d}, ratio {s.ratio:.4g} and a torque gain of {s.gain:+.3g} do as well",
-                "a recording with another speed, or at rest, would tell",
             )
         )
     return ambiguous
@@ -338,16 +284,3 @@ def _ambiguous(
 def _whole_turns(value: float, near: float, turn: float) -> float:
     """Whole turns that bring a value nearest to another."""
     return turn * float(np.rint((near - value) / turn))
-
-
-def _sensors_alone(settings: Settings, configured: Settings) -> Settings:
-    """What a machine file gets of settings: those of the sensors; friction, loads and drift stay as configured."""
-    beside = ("drift", "load", "constant_Nm", "viscous_Nms", INERTIA)
-    return settings.changed({name: getattr(configured, name) for name in beside})
-
-
-def _rms(found: Explanation, settings: Settings) -> float:
-    """RMS of the residual with some settings, over samples of the turning shaft [N m]."""
-    evidence = found.weighed.thinned()
-    left, good = evidence.left(settings, evidence.states(settings))
-    return float(np.sqrt(np.mean(left[good] ** 2))) if good.any() else math.nan

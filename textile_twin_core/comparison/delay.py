@@ -8,7 +8,7 @@ import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray
 from textile_twin_core.comparison.alignment import TWO_PI, Track, parts
-from textile_twin_core.comparison.robust import huber_weights
+from textile_twin_core.inference.robust import huber_weights
 
 GUARD_S = 0.0005
 """Samples this near to a jump of the load are left out: their stamps cannot tell its side."""

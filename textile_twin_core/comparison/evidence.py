@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
-from textile_twin_core.comparison import blocks
-from textile_twin_core.comparison.robust import robust_scale
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
 from textile_twin_core.comparison.torque_terms import Terms, TorqueTerms
+from textile_twin_core.inference import blocks
+from textile_twin_core.inference.robust import robust_scale
 
 _MOST_SAMPLES = 8000
 REST_SHARE = 0.05

@@ -11,18 +11,14 @@ from typing import Any
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray
-from textile_twin_core.comparison.assess import assess
+from textile_twin_core.comparison.assess import Judged, assess
 from textile_twin_core.comparison.event_angle import BesideEvent, EventAngle, event_angle
 from textile_twin_core.comparison.evidence import Evidence
-from textile_twin_core.comparison.explain import INERTIA as BESIDE
-from textile_twin_core.comparison.explain import Explanation
 from textile_twin_core.comparison.identifiable import NotIdentifiable, identifiable
 from textile_twin_core.comparison.identified_machine import identified_machine
-from textile_twin_core.comparison.left_over import repeating_note
 from textile_twin_core.comparison.readings import Readings
 from textile_twin_core.comparison.repeating_motion import excess_of, repeating_motion
 from textile_twin_core.comparison.result import plain
-from textile_twin_core.comparison.robust import robust_scale
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
 from textile_twin_core.comparison.smooth_fit import (
     SmoothFit,
@@ -45,6 +41,8 @@ from textile_twin_core.comparison.torque_model import (
 from textile_twin_core.comparison.uncertainty import Estimate, uncertainty_by_turns
 from textile_twin_core.comparison.unmodelled import UnmodelledTorque, unmodelled_torque
 from textile_twin_core.errors import RecordingError
+from textile_twin_core.inference.parameter import ROTOR
+from textile_twin_core.inference.robust import robust_scale
 from textile_twin_core.machine import Machine
 
 GIVEN_UP_FIRST = (OFFSET, ZERO, GAIN, "shaft_viscous_Nms", "added_inertia_kgm2", "free_force_N", DELAY)
@@ -153,13 +151,13 @@ def identify(readings: Readings, machine: Machine, begin: Begin = unheard) -> Id
     )
 
 
-def _settled(readings: Readings, machine: Machine) -> tuple[Explanation, tuple[str, ...]]:
+def _settled(readings: Readings, machine: Machine) -> tuple[Judged, tuple[str, ...]]:
     """The record explained and what is to be said of it, when its sensors' discrete settings are right.
 
     Raises RecordingError.
     """
     assessment = assess(readings, machine)
-    found = assessment.explanation
+    found = assessment.found
     if found is None:
         raise RecordingError("; ".join(assessment.notes))
     for cause in assessment.verdict:
@@ -168,9 +166,7 @@ def _settled(readings: Readings, machine: Machine) -> tuple[Explanation, tuple[s
         # Less than this a force or an angle that is to be identified may leave.
         if cause.cause == "other_machine" and 1.0 - found.explained > _LEFT_BY_LOADS:
             raise RecordingError(f"nothing to identify: {cause.text}")
-    # What its own fit leaves by angle is told as `unmodelled`.
-    own = repeating_note(assessment.repeating_Nm)
-    return found, tuple(note for note in assessment.notes if note != own)
+    return found, assessment.notes
 
 
 def _near(angle: float, other: float) -> float:
@@ -178,12 +174,12 @@ def _near(angle: float, other: float) -> float:
 
 
 def _tellable(
-    model: TorqueModel, values: Mapping[str, float], found: Explanation
+    model: TorqueModel, values: Mapping[str, float], found: Judged
 ) -> tuple[tuple[str, ...], list[NotIdentifiable]]:
     """What the record can tell, judged by the effects before anything is solved."""
     names = list(model.names)
     lost = []
-    if found.one_speed:
+    if found.evidence.track.at_one_speed:
         for name, partner in _ONE_AT_ONE_SPEED.items():
             names.remove(name)
             text = f"{name} cannot be told from {partner} at one speed; it stays as configured"
@@ -192,7 +188,7 @@ def _tellable(
     effects = wide.jacobian(values, tuple(names))[wide.parts(values).good]
     free, more = identifiable(effects, names, GIVEN_UP_FIRST)
     if found.governed_Nms and {INERTIA, DELAY} <= set(free):
-        gone, partner = (DELAY, INERTIA) if BESIDE in found.departing else (INERTIA, DELAY)
+        gone, partner = (DELAY, INERTIA) if ROTOR in found.posterior.departing else (INERTIA, DELAY)
         free.remove(gone)
         text = f"{gone} cannot be told from {partner} where the torque follows the speed; it stays as configured"
         more = [*more, NotIdentifiable(gone, text)]

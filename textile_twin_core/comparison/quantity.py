@@ -12,10 +12,10 @@ import scipy
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.comparison.evidence import REST_SHARE
 from textile_twin_core.comparison.result import plain
-from textile_twin_core.comparison.robust import HUBER, robust_scale
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack, shaft_track
 from textile_twin_core.comparison.uncertainty import Estimate, uncertainty_by_turns
 from textile_twin_core.errors import RecordingError
+from textile_twin_core.inference.robust import HUBER, robust_scale
 from textile_twin_core.machine import Machine
 from textile_twin_core.twin import Twin, compile_rigid
 from textile_twin_core.twin.sense import negligible_speed

@@ -18,7 +18,7 @@ from textile_twin_core.comparison.statistics import ErrorStatistics
 from textile_twin_core.machine import Event
 
 if TYPE_CHECKING:
-    from textile_twin_core.comparison.verdict import Cause
+    from textile_twin_core.comparison.verdict import Cause, Quantity
 
 
 @dataclass(frozen=True)
@@ -79,6 +79,7 @@ class Comparison:
         events: the turn's events. notes: what a reader of the numbers should know.
         verdict: what is wrong with the recording or the machine file, likeliest first; empty when nothing is.
         explained: share of the torque's variance that the machine explains once that is mended; nan without a verdict.
+        quantities: what the recording says of sensors, friction and forces, each once; empty without a verdict.
     """
 
     stamps_ns: IntArray
@@ -108,6 +109,7 @@ class Comparison:
     notes: tuple[str, ...]
     verdict: tuple[Cause, ...] = ()
     explained: float = math.nan
+    quantities: tuple[Quantity, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Return the numbers as one object of plain lists and numbers; what is not a number is null."""
@@ -147,6 +149,7 @@ class Comparison:
                 "notes": list(self.notes),
                 "verdict": [dataclasses.asdict(cause) for cause in self.verdict],
                 "explained": self.explained,
+                "quantities": [dataclasses.asdict(quantity) for quantity in self.quantities],
             }
         )
         return plain_numbers

@@ -15,7 +15,6 @@ from scipy.optimize import least_squares
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.comparison.readings import Readings, SecondAngle
 from textile_twin_core.comparison.result import plain
-from textile_twin_core.comparison.robust import robust_scale
 from textile_twin_core.comparison.shaft_track import TURN
 from textile_twin_core.comparison.stage import Begin, unheard
 from textile_twin_core.comparison.uncertainty import Estimate, uncertainty_by_turns
@@ -24,6 +23,7 @@ from textile_twin_core.driveline.drive_bank import MEMORIES
 from textile_twin_core.driveline.observer import ShaftObserver
 from textile_twin_core.driveline.observer_step import shaft_readings
 from textile_twin_core.errors import RecordingError
+from textile_twin_core.inference.robust import robust_scale
 from textile_twin_core.machine import Machine, MainShaft
 from textile_twin_core.machine.main_shaft import ShaftDrive
 from textile_twin_core.shaft import create_estimator

@@ -9,10 +9,10 @@ import numpy as np
 import scipy
 
 from textile_twin_core.arrays import BoolArray, FloatArray
-from textile_twin_core.comparison.robust import HUBER, huber_weights, robust_scale
 from textile_twin_core.comparison.shaft_track import ShaftTrack
 from textile_twin_core.comparison.slow_motion import slow_motion
 from textile_twin_core.comparison.torque_model import NOT_NEGATIVE, TorqueModel
+from textile_twin_core.inference.robust import HUBER, huber_weights, robust_scale
 
 _MOST_LOSS = 2.0
 """Standard deviations beside those of least squares, beyond which these live on errors of the track."""

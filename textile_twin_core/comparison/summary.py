@@ -10,11 +10,8 @@ from textile_twin_core.comparison.verdict import NOT_THIS_MACHINE
 
 def summary_rows(comparison: Comparison) -> list[tuple[str, str]]:
     """Return (quantity, value with unit) pairs, in the order in which an engineer asks for them."""
-    errors, fit = comparison.errors, comparison.fit
-    delay = f"{fit.delay_s * 1e3:.3f} ms" + (
-        f" +- {fit.delay_sigma_s * 1e3:.3f}" if math.isfinite(fit.delay_sigma_s) else " (configured)"
-    )
-    line = f"{fit.gain:.4f}, {fit.offset_Nm:+.4f} N m" + ("" if fit.sought else " (configured)")
+    errors = comparison.errors
+    sensors = [(quantity.name, quantity.text) for quantity in comparison.quantities]
     causes = ", ".join(
         f"{number} {cause.replace('_', ' ')}" for cause, number in sorted(comparison.samples.by_cause.items())
     )
@@ -25,8 +22,7 @@ def summary_rows(comparison: Comparison) -> list[tuple[str, str]]:
         ("mean error", f"{errors.bias_Nm:+.4f} N m"),
         ("correlation", f"{errors.correlation:.6f}"),
         ("peak, measured", f"{errors.peak_Nm:.3f} N m"),
-        ("sensor delay", delay),
-        ("sensor gain, offset", line),
+        *(sensors or _aligned(comparison)),
         (
             f"RMS, delay {comparison.sensor_delay_s * 1e3:g} ms as configured",
             f"{comparison.errors_configured.rms_error_Nm:.4f} N m",
@@ -37,6 +33,16 @@ def summary_rows(comparison: Comparison) -> list[tuple[str, str]]:
         ("samples rejected", f"{comparison.samples.rejected}" + (f" ({causes})" if causes else "")),
     ]
     return rows + [("note", note) for note in comparison.notes]
+
+
+def _aligned(comparison: Comparison) -> list[tuple[str, str]]:
+    """Delay, gain and offset by which the torque follows best, where there is no verdict to say more of them."""
+    fit = comparison.fit
+    delay = f"{fit.delay_s * 1e3:.3f} ms" + (
+        f" +- {fit.delay_sigma_s * 1e3:.3f}" if math.isfinite(fit.delay_sigma_s) else " (configured)"
+    )
+    line = f"{fit.gain:.4f}, {fit.offset_Nm:+.4f} N m" + ("" if fit.sought else " (configured)")
+    return [("sensor delay", delay), ("sensor gain, offset", line)]
 
 
 def is_as_told(comparison: Comparison) -> bool:

@@ -11,8 +11,7 @@ import scipy
 
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.comparison.by_turn import normals_by_turn, scores_by_turn
-from textile_twin_core.comparison.robust import HUBER, robust_scale
-from textile_twin_core.comparison.settings_fit import SettingsFit
+from textile_twin_core.inference.robust import HUBER, robust_scale
 
 _ALONE = 1e-9
 """What a turn leaves to the others of a parameter, below which it alone tells it, and nothing of its uncertainty."""
@@ -105,15 +104,6 @@ def pseudo_residuals(residual: FloatArray) -> FloatArray:
     bound = HUBER * robust_scale(residual)
     within = float(np.mean(np.abs(residual) <= bound))
     return np.asarray(np.clip(residual, -bound, bound) / max(within, 0.5))
-
-
-def estimates(fit: SettingsFit) -> dict[str, Estimate]:
-    """Every freed setting with its uncertainty."""
-    good = fit.good
-    if not fit.free:
-        return {}
-    known = uncertainty_by_turns(fit.jacobian[good], fit.residual[good], fit.turn[good])
-    return {name: known.estimate(k, getattr(fit.settings, name)) for k, name in enumerate(fit.free)}
 
 
 def _inverse_root(normal: FloatArray) -> FloatArray:

@@ -1,15 +1,30 @@
-"""The verdict: what is wrong with a record or its machine file, in words and numbers, likeliest first."""
+"""The verdict in words: what is wrong with a record or its machine file, and what the record says of each quantity."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from textile_twin_core.comparison.explain import INERTIA, Explanation
 from textile_twin_core.comparison.readings import AngleUnit, shown_turn
-from textile_twin_core.comparison.torque_units import nearest_gain
+from textile_twin_core.inference.parameter import (
+    COULOMB,
+    DELAY,
+    DRIFT,
+    GAIN,
+    HELD,
+    OFFSET,
+    ROTOR,
+    VISCOUS,
+    ZERO,
+    gain_factor,
+)
+from textile_twin_core.inference.posterior import IMPLAUSIBLE_NATS
+from textile_twin_core.inference.torque_units import nearest_gain
+
+if TYPE_CHECKING:
+    from textile_twin_core.comparison.assess import Judged
 
 FEWEST_ANGLES = 16.0
 """Angle samples a turn below which the orders that carry torque are not seen."""
@@ -20,6 +35,23 @@ _SAME = 0.05
 """Part of an offset in another unit by which it may differ from the configured one."""
 FOLLOWS_NOTHING = 0.5
 """Share of the torque that even the best function of the angle leaves unexplained."""
+_CERTAIN = 4.0
+"""Standard deviations from which friction, and a force within its everyday tolerance, are named."""
+_CAUSES = {
+    "force": "load_force",
+    "free_force": "load_force",
+    "joint_friction": "load_force",
+    "plane": "load_force",
+    "spring": "spring",
+    "preload": "spring",
+    "mass": "mass",
+    "inertia": "inertia",
+    "centroid": "centroid",
+    "length": "length",
+    "ground": "length",
+    "angle": "length",
+}
+"""Cause by kind of a parameter in the machine's declaration."""
 
 
 @dataclass(frozen=True)
@@ -27,215 +59,347 @@ class Cause:
     """One thing that is wrong.
 
     Attributes:
-        cause: its name (see `causes` for the list). text: for a person, with the number.
+        cause: its name. text: for a person, with the number.
         value: rad, s, N m, or a factor, by cause; a unit's name for units.
-        sigma: standard deviation of the value, nan where there is none.
+        sigma: standard deviation of the value given the tolerances of all else, nan where there is none.
+        parameter: dotted path into the machine file, empty where the file has no such number.
+        equivalents: paths of parameters that this record cannot tell from it.
     """
 
     cause: str
     text: str
     value: float | str | dict[str, float]
     sigma: float = math.nan
+    parameter: str = ""
+    equivalents: tuple[str, ...] = ()
 
 
-def causes(explanation: Explanation, unit: AngleUnit, per_turn: float, periodic: float) -> list[Cause]:
+@dataclass(frozen=True)
+class Quantity:
+    """A quantity that matters: its name for a person, and what the record says of it."""
+
+    name: str
+    text: str
+
+
+def causes(found: Judged, unit: AngleUnit, per_turn: float, periodic: float) -> list[Cause]:
     """Everything that is wrong, likeliest first.
 
     Args:
-        explanation: the record explained.
+        found: the record and its posterior.
         unit: of the logged angle.
         per_turn: angle samples in a turn at working speed.
         periodic: what any periodic torque could explain (see `best_periodic`).
     """
-    found = [(rise, cause) for rise, cause in _departures(explanation)]
-    found.sort(key=lambda each: -each[0])
-    named = [cause for _, cause in found]
+    named = [*_discrete(found), *_departures(found)]
     if unit.name != "radians":
         text = (
             f"the angle is logged in {unit.name}, {shown_turn(unit.turn)} a turn, and is read as radians: --angle-unit"
             f" {unit.told}; for nodes angle_unit_rad {unit.to_radians:.10g}"
         )
         named.insert(0, Cause("angle_unit", text, unit.name))
-    unexplained = 1.0 - explanation.explained
-    if unexplained > _NOTHING_ELSE:
-        named = []  # settings that were bent to fit another machine mean nothing
-    if unexplained > NOT_THIS_MACHINE and per_turn >= FEWEST_ANGLES:
-        named.insert(0, _other_machine(explanation, unexplained, 1.0 - periodic))
+    unexplained = 1.0 - found.explained
+    surprising = found.posterior.surprise > IMPLAUSIBLE_NATS
+    if unexplained > _NOTHING_ELSE or surprising:
+        named = []  # values that were bent to fit another machine mean nothing
+    if (unexplained > NOT_THIS_MACHINE or surprising) and per_turn >= FEWEST_ANGLES:
+        named.insert(0, _other_machine(found, unexplained, 1.0 - periodic, surprising))
     if per_turn < FEWEST_ANGLES:
         text = f"the angle comes {per_turn:.1f} times a turn; a torque needs it at least {FEWEST_ANGLES:g} times"
         named.insert(0, Cause("angle_rate", text, per_turn))
     return named
 
 
-def _other_machine(explanation: Explanation, unexplained: float, unexplained_by_any: float) -> Cause:
+def _other_machine(found: Judged, unexplained: float, unexplained_by_any: float, surprising: bool) -> Cause:
     share = 100.0 * min(unexplained, 1.0)
-    left = f"{share:.0f} % of the torque's variance stays unexplained whatever the sensors' settings"
-    if unexplained_by_any > FOLLOWS_NOTHING:
+    residual = f"{share:.0f} % of the torque's variance stays unexplained whatever the sensors' settings"
+    if surprising and unexplained <= NOT_THIS_MACHINE:
+        number = len(found.posterior.departing)
+        text = f"not this machine: {number} numbers of its file would have to be wrong at once to explain this torque"
+    elif unexplained_by_any > FOLLOWS_NOTHING:
         text = (
-            f"the torque does not follow this shaft: {left}; another shaft's sensor, another clock, a dead sensor, or a"
-            " gear other than 1, 2, 3, 4 or one to that: give the encoder's ratio in the machine file"
+            f"the torque does not follow this shaft: {residual}; another shaft's sensor, another clock, a dead sensor,"
+            " or a gear other than 1, 2, 3, 4 or one to that: give the encoder's ratio in the machine file"
         )
     elif unexplained - unexplained_by_any > NOT_THIS_MACHINE:
-        text = f"not this machine: {left}, though the torque repeats with the shaft's angle"
+        text = f"not this machine: {residual}, though the torque repeats with the shaft's angle"
     else:
-        text = f"not this machine, or a sensor with much noise: {left}"
+        text = f"not this machine, or a sensor with much noise: {residual}"
     return Cause("other_machine", text, 1.0 - unexplained)
 
 
-def _departures(explanation: Explanation) -> list[tuple[float, Cause]]:
-    """What departs from the machine file, each with the rise of the mean square when it is put back."""
-    e, s, told = explanation, explanation.settings, explanation.configured
-    rise = e.apart
-    found: list[tuple[float, Cause]] = []
-    if s.direction != told.direction:
+def _discrete(found: Judged) -> list[Cause]:
+    """Direction, gear ratio, sign and unit."""
+    p, named = found.posterior, []
+    if p.hypothesis.turn * p.configured.turn < 0.0:
         text = "the encoder counts against the direction that the machine file says"
-        found.append((rise["direction"], Cause("encoder_direction", text, float(s.direction))))
-    if s.ratio != told.ratio:
-        text = f"the shaft turns {s.ratio / told.ratio:.4g} times as far as the machine file says: encoder ratio"
-        found.append((rise["ratio"], Cause("encoder_ratio", text, s.ratio / told.ratio)))
-    found += _gain(e)
-    for name in e.departing:
-        if name in ("zero_rad", "delay_s") and e.one_speed:
-            found.append((rise[name], _zero_or_delay(e)))
-        elif name in _ONE and not (name == "offset_Nm" and _is_offset_in_unit(e)):
-            found.append((rise[name], _ONE[name](e)))
-    if "constant_Nm" in e.departing or "viscous_Nms" in e.departing:
-        found.append((max(rise.get(n, 0.0) for n in ("constant_Nm", "viscous_Nms")), _friction(e)))
-    return found
-
-
-def _gain(e: Explanation) -> list[tuple[float, Cause]]:
-    told, found = e.configured.gain, []
-    near = nearest_gain(e.settings.gain, told)
-    rise = e.apart.get("gain", 1.0)
+        named.append(
+            Cause(
+                "encoder_direction",
+                text,
+                math.copysign(1.0, p.hypothesis.turn),
+                math.nan,
+                ZERO.replace("zero_rad", "direction"),
+            )
+        )
+    if found.ratio != 1.0:
+        text = f"the shaft turns {found.ratio:.4g} times as far as the machine file says: encoder ratio"
+        named.append(Cause("encoder_ratio", text, found.ratio, math.nan, ZERO.replace("zero_rad", "ratio")))
+    near = nearest_gain(p.hypothesis.gain, p.configured.gain)
     if near.sign < 0:
-        found.append((rise, Cause("torque_sign", "torque sign reversed: the gain is negative", -1.0)))
+        named.append(Cause("torque_sign", "torque sign reversed: the gain is negative", -1.0, math.nan, GAIN))
     if near.unit:
         text = f"the torque looks like {near.unit} instead of N m: {near.factor:.4g} times as large"
-        found.append((rise, Cause("torque_unit", text, near.unit)))
-    if "gain" in e.departing:
-        factor = e.settings.gain / near.gain
-        sigma = e.sigma["gain"] / abs(near.gain)
-        text = f"torque gain {factor:.3f} +- {sigma:.3f} times the configured one"
-        found.append((rise, Cause("torque_gain", text, factor, sigma)))
-    return found
+        named.append(Cause("torque_unit", text, near.unit, math.nan, GAIN))
+    return named
 
 
-def _zero(e: Explanation) -> Cause:
-    away, sigma = _as_zero(e)
+def _departures(found: Judged) -> list[Cause]:
+    """Departures that a person cares for, the most significant first."""
+    p, named = found.posterior, list[tuple[float, Cause]]()
+    for name in sorted(p.departing):
+        away, sigma = p.departure(name), p.sigma(name)
+        if name == ZERO:
+            away = _zero_departure(found)
+        known = p.parameter(name)
+        if name in (COULOMB, VISCOUS, HELD) or abs(away) < known.threshold:
+            continue
+        if name == OFFSET and _is_offset_in_unit(found):
+            continue
+        named.append((abs(away) / sigma, _ONE.get(name, _of_machine)(found, name)))
+    # dry and viscous friction may each stay within tolerance where their sum does not
+    friction, sigma = _friction_departure(found)
+    if abs(friction) > max(p.parameter(COULOMB).threshold, _CERTAIN * sigma):
+        named.append((abs(friction) / sigma, _friction(found)))
+    for known in p.measurement.parameters:
+        # within the tolerance of a force, and still known better than that
+        if known.kind == "force" and known.name not in p.departing:
+            away, sigma = p.departure(known.name), p.sigma(known.name)
+            if abs(away) > max(known.threshold, _CERTAIN * sigma):
+                named.append((abs(away) / sigma, _of_machine(found, known.name)))
+    named.sort(key=lambda each: -each[0])
+    return [cause for _, cause in named]
+
+
+def _speed(found: Judged) -> float:
+    return found.posterior.hypothesis.turn * found.evidence.working_speed()
+
+
+def _zero_departure(found: Judged) -> float:
+    """How far the zero is from the configured one [rad]; whole turns of an encoder of another ratio do not count."""
+    away = found.posterior.departure(ZERO)
+    period = 2.0 * math.pi
+    if found.ratio != 1.0:
+        period = min(period, found.encoder_turn_rad * found.ratio)
+    return math.remainder(away, period)
+
+
+def _zero_beside(found: Judged) -> float:
+    return math.remainder(found.settled.departure(ZERO), 2.0 * math.pi)
+
+
+def _is_turn_of_encoder(found: Judged, zero_rad: float) -> bool:
+    """Whether a zero is off by whole turns of a wrapped encoder that turns more often than the shaft."""
+    turn = found.encoder_turn_rad
+    near = abs(math.remainder(zero_rad, turn)) < 0.05 * turn
+    return turn < 1.5 * math.pi and abs(zero_rad) > 0.5 * turn and near
+
+
+def _equivalents(found: Judged, name: str) -> tuple[tuple[str, ...], str]:
+    """Parameters that explain as well, and in words."""
+    other = found.posterior.equivalents(name)[:4]
+    text = f"; not distinguishable from {', '.join(other)} in this recording" if other else ""
+    return other, text
+
+
+def _zero(found: Judged, name: str) -> Cause:
+    if found.evidence.track.at_one_speed:
+        return _zero_or_delay(found, name)
+    return _plain_zero(found)
+
+
+def _plain_zero(found: Judged) -> Cause:
+    away, sigma = _as_zero(found)
     text = f"encoder zero {math.degrees(away):+.2f} +- {math.degrees(sigma):.2f} deg off, as angle of the shaft"
-    if _is_turn_of_encoder(e, away):
+    if _is_turn_of_encoder(found, away):
         text = (
             f"encoder zero off by {math.degrees(away):+.1f} deg, a whole turn of the wrapped encoder: which part of the"
             " shaft's turn its first reading stands for must be settled after each start"
         )
-    return Cause("encoder_zero", text, away, sigma)
+    return Cause("encoder_zero", text, away, sigma, ZERO, found.posterior.equivalents(ZERO))
 
 
-def _as_zero(e: Explanation) -> tuple[float, float]:
-    """The departure of the zero and its sigma, or of the delay as a zero [rad]."""
-    if "zero_rad" in e.departing:
-        return e.departure("zero_rad"), e.sigma["zero_rad"]
-    speed = e.settings.direction * e.settings.ratio * e.evidence.working_speed()
-    zero = float(np.remainder(e.departure("delay_s") * speed + np.pi, 2.0 * np.pi) - np.pi)
-    return zero, e.sigma["delay_s"] * abs(speed)
+def _as_zero(found: Judged) -> tuple[float, float]:
+    """Departure of the zero and its standard deviation, or of the delay as a zero [rad]."""
+    p, speed = found.posterior, _speed(found)
+    if ZERO in p.departing:
+        return _zero_departure(found), p.sigma(ZERO)
+    return math.remainder(p.departure(DELAY) * speed, 2.0 * math.pi), p.sigma(DELAY) * abs(speed)
 
 
-def _is_turn_of_encoder(e: Explanation, zero_rad: float) -> bool:
-    """Whether a zero is off by whole turns of a wrapped encoder that turns more often than the shaft."""
-    turn = e.encoder_turn_rad
-    near = abs(np.remainder(zero_rad + 0.5 * turn, turn) - 0.5 * turn) < 0.05 * turn
-    return turn < 1.5 * math.pi and abs(zero_rad) > 0.5 * turn and bool(near)
-
-
-def _delay(e: Explanation) -> Cause:
-    away, sigma = e.departure("delay_s"), e.sigma["delay_s"]
+def _delay(found: Judged, name: str) -> Cause:
+    if found.evidence.track.at_one_speed:
+        return _zero_or_delay(found, name)
+    p = found.posterior
+    away, sigma = p.departure(DELAY), p.sigma(DELAY)
     size = f"{abs(away) * 1e3:.2f} +- {sigma * 1e3:.2f} ms"
     text = f"the torque lags by {size} {'more' if away >= 0.0 else 'less'} than the machine file says"
-    if e.settings.delay_s < 0.0:
+    if found.settings.delay_s < 0.0:
         text += ", so it leads: stamped too early, or commanded and not measured"
-    text += _or_inertia(e, away)
-    return Cause("delay", text, away, sigma)
+    return Cause("delay", text + _or_inertia(found, away), away, sigma, DELAY, p.equivalents(DELAY))
 
 
-def _or_inertia(e: Explanation, delay_s: float) -> str:
-    """What a delay may be instead under a controller of the speed; nothing where it is none."""
-    inertia = e.governed_Nms * delay_s / e.settings.gain
+def _or_inertia(found: Judged, delay_s: float) -> str:
+    """What a delay may be instead under a controller of the speed; empty where it is none."""
+    inertia = found.governed_Nms * delay_s / found.settings.gain
     if not inertia > 0.0:
         return ""
     return f", or {inertia:.2g} kg m2 that turn with it are not in the model, since the torque follows the speed here"
 
 
-def _zero_or_delay(e: Explanation) -> Cause:
-    speed = e.settings.direction * e.settings.ratio * e.evidence.working_speed()
-    zero, sigma = _as_zero(e)
-    if _is_turn_of_encoder(e, zero):
-        return _zero(e)
-    delay = e.departure("delay_s") if "delay_s" in e.departing else zero / speed
+def _zero_or_delay(found: Judged, name: str) -> Cause:
+    p, speed = found.posterior, _speed(found)
+    zero, sigma = _as_zero(found)
+    if _is_turn_of_encoder(found, zero):
+        return _plain_zero(found)
+    delay = found.posterior.departure(DELAY) if DELAY in p.departing else zero / speed
     text = (
-        f"zero or delay: {math.degrees(zero):+.1f} deg or {delay * 1e3:.1f} ms{_or_inertia(e, delay)};"
+        f"zero or delay: {math.degrees(zero):+.1f} deg or {delay * 1e3:.1f} ms{_or_inertia(found, delay)};"
         " the shaft turns at one speed here, a recording with a run-up would tell"
     )
-    return Cause("zero_or_delay", text, {"zero_rad": zero, "delay_s": delay}, sigma)
-
-
-def _drift(e: Explanation) -> Cause:
-    away, sigma = e.departure("drift"), e.sigma["drift"]
-    text = f"the clocks of angle and torque drift apart by {away * 1e6:.0f} +- {sigma * 1e6:.0f} us each second"
-    return Cause("clocks_drift", text, away, sigma)
-
-
-def _offset(e: Explanation) -> Cause:
-    away, sigma = e.departure("offset_Nm"), e.sigma["offset_Nm"]
     return Cause(
-        "torque_offset", f"torque offset {away:+.3g} +- {sigma:.2g} N m beside the configured one", away, sigma
+        "zero_or_delay", text, {"zero_rad": zero, "delay_s": delay}, sigma, name, tuple({ZERO, DELAY} - {name})
     )
 
 
-def _is_offset_in_unit(e: Explanation) -> bool:
+def _drift(found: Judged, name: str) -> Cause:
+    p = found.posterior
+    away, sigma = p.departure(DRIFT), p.sigma(DRIFT)
+    text = f"the clocks of angle and torque drift apart by {away * 1e6:.0f} +- {sigma * 1e6:.0f} us each second"
+    return Cause("clocks_drift", text, away, sigma, "", p.equivalents(DRIFT))
+
+
+def _gain(found: Judged, name: str) -> Cause:
+    p = found.posterior
+    factor = gain_factor(p.value(GAIN))
+    sigma = factor**2 * p.sigma(GAIN)
+    other, more = _equivalents(found, GAIN)
+    text = f"torque gain {factor:.3f} +- {sigma:.3f} times the configured one{more}"
+    return Cause("torque_gain", text, factor, sigma, GAIN, other)
+
+
+def _offset(found: Judged, name: str) -> Cause:
+    p = found.posterior
+    unit = p.hypothesis.unit
+    away, sigma = unit * p.departure(OFFSET), unit * p.sigma(OFFSET)
+    text = f"torque offset {away:+.3g} +- {sigma:.2g} N m beside the configured one"
+    return Cause("torque_offset", text, away, sigma, OFFSET, p.equivalents(OFFSET))
+
+
+def _is_offset_in_unit(found: Judged) -> bool:
     """Whether an offset is the configured one in the other unit that the torque was logged in."""
-    near = nearest_gain(e.settings.gain, e.configured.gain)
-    own = e.configured.offset_Nm * near.factor
-    return bool(near.unit) and abs(e.settings.offset_Nm - own) < max(_SAME * abs(own), 4.0 * e.sigma["offset_Nm"])
+    p = found.posterior
+    near = nearest_gain(p.hypothesis.gain, p.configured.gain)
+    own = p.configured.offset_Nm * near.factor
+    sigma = p.hypothesis.unit * p.sigma(OFFSET)
+    return bool(near.unit) and abs(found.settings.offset_Nm - own) < max(_SAME * abs(own), 4.0 * sigma)
 
 
-def _load(e: Explanation) -> Cause:
-    factor, sigma = e.settings.load / e.configured.load, e.sigma["load"]
-    text = f"the loads are {factor:.3f} +- {sigma:.3f} times those of the machine file"
-    return Cause("load_force", text, factor, sigma)
-
-
-def _inertia(e: Explanation) -> Cause:
-    away, sigma = e.departure(INERTIA), e.sigma[INERTIA]
+def _rotor(found: Judged, name: str) -> Cause:
+    p = found.posterior
+    away, sigma = p.departure(ROTOR), p.sigma(ROTOR)
     text = (
         f"{away:.3g} +- {sigma:.2g} kg m2 turn with the shaft that are not in the model, as a motor's rotor or a"
         " flywheel: add them under main_shaft of bodies in the machine file"
     )
-    if e.governed_Nms:
-        each = 1e-3 * e.governed_Nms / e.settings.gain
+    if found.governed_Nms:
+        each = 1e-3 * found.governed_Nms / found.settings.gain
         text += f"; the torque follows the speed here, and {each:.2g} kg m2 less for each ms that it is late look alike"
-    return Cause("unmodelled_inertia", text, away, sigma)
+    return Cause("unmodelled_inertia", text, away, sigma, ROTOR, p.equivalents(ROTOR))
 
 
-_ONE = {
-    "zero_rad": _zero,
-    "delay_s": _delay,
-    "drift": _drift,
-    "offset_Nm": _offset,
-    "load": _load,
-    INERTIA: _inertia,
+def _friction_departure(found: Judged) -> tuple[float, float]:
+    """Friction at working speed beside the configured one, and its standard deviation [N m]."""
+    settled, speed = found.settled, abs(_speed(found))
+    away = settled.departure(COULOMB) + speed * settled.departure(VISCOUS)
+    return away, settled.sigma({COULOMB: 1.0, VISCOUS: speed})
+
+
+def _friction(found: Judged) -> Cause:
+    p = found.posterior
+    torque, sigma = _friction_departure(found)
+    if torque >= 0.0:
+        text = f"friction of {torque:.2g} +- {sigma:.1g} N m at working speed is not in the model"
+        if VISCOUS not in p.departing and not p.measurement.record.standstills:
+            text += " (or an offset of the torque sensor: a recording with the shaft at rest would tell)"
+    else:
+        text = f"the model has {-torque:.2g} +- {sigma:.1g} N m more friction at working speed than the machine"
+    name = VISCOUS if VISCOUS in p.departing and COULOMB not in p.departing else COULOMB
+    return Cause("unmodelled_friction", text, torque, sigma, name, p.equivalents(name))
+
+
+def _of_machine(found: Judged, name: str) -> Cause:
+    """A number of the machine file that is wrong."""
+    p = found.posterior
+    known = p.parameter(name)
+    value, sigma = found.posterior.value(name), found.posterior.sigma(name)
+    other, more = _equivalents(found, name)
+    away = f"{value:.4g} +- {sigma:.2g} {known.unit}".rstrip() + f" instead of {known.nominal:.4g}"
+    text = f"{name} is wrong in the machine file: {away}{more}"
+    relative = known.nominal != 0.0 and known.kind in ("force", "spring", "mass", "inertia", "length", "joint_friction")
+    if relative:
+        value, sigma = value / known.nominal, sigma / abs(known.nominal)
+    return Cause(_CAUSES[known.kind], text, value, sigma, name, other)
+
+
+_ONE: dict[str, Callable[[Judged, str], Cause]] = {
+    ZERO: _zero,
+    DELAY: _delay,
+    DRIFT: _drift,
+    GAIN: _gain,
+    OFFSET: _offset,
+    ROTOR: _rotor,
 }
 
 
-def _friction(e: Explanation) -> Cause:
-    speed = abs(e.settings.ratio * e.evidence.working_speed())
-    constant, rate = e.departure("constant_Nm"), e.departure("viscous_Nms")
-    torque = constant + rate * speed
-    sigma = math.hypot(e.sigma.get("constant_Nm", 0.0), speed * e.sigma.get("viscous_Nms", 0.0))
-    if torque >= 0.0:
-        text = f"friction of about {torque:.2g} N m at working speed is not in the model"
-        if "viscous_Nms" not in e.departing and not e.rest_tells:
-            text += " (or an offset of the torque sensor: a recording with the shaft at rest would tell)"
-    else:
-        text = f"the model has about {-torque:.2g} N m more friction at working speed than the machine"
-    return Cause("unmodelled_friction", text, torque, sigma)
+def quantities(found: Judged, verdict: Iterable[Cause]) -> tuple[Quantity, ...]:
+    """What the record says of quantities that matter, with standard deviations given the file's tolerances.
+
+    Quantities that the verdict names are left out.
+    """
+    p, settled, s = found.posterior, found.settled, found.settings
+    one_speed, rests = found.evidence.track.at_one_speed, bool(p.measurement.record.standstills)
+    both = "zero and delay are not distinguishable at one speed, a run-up would tell"
+
+    speed = abs(_speed(found))
+    friction = p.parameter(COULOMB).nominal + speed * p.parameter(VISCOUS).nominal
+    friction += settled.departure(COULOMB) + speed * settled.departure(VISCOUS)
+    sigma = settled.sigma({COULOMB: 1.0, VISCOUS: speed})
+    same = "as the file says"
+    apart = f"{same}; not distinguishable from friction, a standstill would tell"
+    zero = f"{math.degrees(_zero_beside(found)):+.3f} +- {math.degrees(settled.sigma(ZERO)):.3f} deg beside the file"
+    rows = [
+        ((ZERO, DELAY) if one_speed else (ZERO,), "encoder zero", f"{zero}: {both if one_speed else same}"),
+        (
+            (ZERO, DELAY) if one_speed else (DELAY,),
+            "torque delay",
+            f"{s.delay_s * 1e3:.2f} +- {settled.sigma(DELAY) * 1e3:.2f} ms: {both if one_speed else same}",
+        ),
+        (
+            (GAIN,),
+            "torque gain",
+            f"{s.gain:.4g} +- {abs(s.gain) * gain_factor(settled.value(GAIN)) * settled.sigma(GAIN):.2g}: {same}",
+        ),
+        (
+            (OFFSET,),
+            "torque offset",
+            f"{s.offset_Nm:+.3f} +- {p.hypothesis.unit * settled.sigma(OFFSET):.3f} N m: {same if rests else apart}",
+        ),
+        ((COULOMB, VISCOUS), "friction", f"{friction:.3f} +- {sigma:.3f} N m at working speed: {same}"),
+    ]
+    for known in p.measurement.parameters:
+        if known.kind == "force":
+            shown = f"{settled.value(known.name):.4g} +- {settled.sigma(known.name):.2g} N"
+            rows.append(((known.name,), known.name, f"{shown}: {same}"))
+    said = {cause.parameter for cause in verdict}
+    return tuple(Quantity(what, text) for names, what, text in rows if said.isdisjoint(names))

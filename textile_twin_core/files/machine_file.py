@@ -45,12 +45,18 @@ MEASURES = _tagged(mechanism, "displacement")
 LOADS = _tagged(loads, "crossings")
 
 _MASS_BY_DENSITY = {"density_kg_m3", "width_m", "thickness_m"}
-_DEFAULT: dict[str, Any] = {"sensors": Sensors(), "linkages": (ShaftPlace(),), "shaft": None, "scene": Scene()}
+_DEFAULT: dict[str, Any] = {
+    "sensors": Sensors(),
+    "linkages": (ShaftPlace(),),
+    "shaft": None,
+    "tolerances": {},
+    "scene": Scene(),
+}
 _APART = tuple(_DEFAULT)
 """Fields that a user may set on any machine, independent of its geometry."""
 _NOT_DECLARED = ("parameters", "choices", "missing_for_torque")
 """Fields that follow from the name of a machine of the catalogue and are not written."""
-_ON_A_PUBLISHED_MACHINE = ("machine", "name", "parameters", "sensors", "linkages", "shaft", "scene")
+_ON_A_PUBLISHED_MACHINE = ("machine", "name", "parameters", "sensors", "linkages", "shaft", "tolerances", "scene")
 
 
 def load_machine_file(path: str | Path) -> AnyMachine:
@@ -143,7 +149,7 @@ def _published(entries: dict[str, Any]) -> AnyMachine:
         for key, reader in _TOP_LEVEL.items()
         if key in entries and key in _ON_A_PUBLISHED_MACHINE
     }
-    for key in ("linkages", "shaft"):
+    for key in ("linkages", "shaft", "tolerances"):
         if key in changes and not isinstance(machine, Machine):
             raise MachineError(f"{key}: machine '{machine.name}' is no linkage; leave this out")
     changes |= _shaft_and_places(changes)
@@ -240,6 +246,9 @@ _TOP_LEVEL: dict[str, Callable[[Any, str], Any]] = {
     "sensors": lambda value, place: build(Sensors, value, place),
     "linkages": _places,
     "shaft": _shaft,
+    "tolerances": lambda value, place: {
+        path: convert(entry, float, f"{place}.{path}") for path, entry in mapping_at(value, place).items()
+    },
     "scene": lambda value, place: build(Scene, value, place),
 }
 

@@ -43,6 +43,7 @@ class Declaration(Declared):
 
     Attributes:
         shaft: elastic main shaft with the linkages at its stations; None for a rigid shaft.
+        tolerances: relative standard deviations of numbers by dotted path, such as `bodies.l3.mass_kg`.
         range_rad: range of the shaft angle over which the linkage must close.
         angle_near_rad: angle per link [rad] that selects the turn of its printed angle.
         nominal_speed_rad_s: shaft speed at which errors are judged [rad/s].
@@ -73,6 +74,7 @@ class Declaration(Declared):
     sensors: Sensors = field(default_factory=Sensors)
     linkages: tuple[ShaftPlace, ...] = (ShaftPlace(),)
     shaft: MainShaft | None = None
+    tolerances: Mapping[str, float] = field(default_factory=dict)
     scene: Scene = field(default_factory=Scene)
     joint_names: Mapping[str, str] = field(default_factory=dict)
     angle_near_rad: Mapping[str, float] = field(default_factory=dict)
@@ -90,6 +92,10 @@ class Declaration(Declared):
             object.__setattr__(self, part, python_numbers(getattr(self, part)))
         self._check_shaft()
         object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
+        object.__setattr__(self, "tolerances", MappingProxyType(dict(self.tolerances)))
+        for path, value in self.tolerances.items():
+            if not (math.isfinite(value) and value > 0.0):
+                raise MachineError(f"tolerances.{path}: give a positive relative standard deviation, not {value!r}")
         with computable(f"machine '{self.name}'"):
             names = _default_joint_names(self.linkage) | dict(self.joint_names)
             object.__setattr__(self, "joint_names", MappingProxyType(names))

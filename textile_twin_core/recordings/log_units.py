@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping
 
 from textile_twin_core.comparison.readings import ANGLE_TURNS
-from textile_twin_core.comparison.torque_units import UNITS_PER_NM
+from textile_twin_core.inference.torque_units import UNITS_PER_NM
 
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "hours": 3600.0, "days": 86400.0}
 SPEED_UNITS = {"rad/s": 1.0, "rpm": math.pi / 30.0, "deg/s": math.pi / 180.0, "rev/s": 2.0 * math.pi}

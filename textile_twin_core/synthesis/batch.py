@@ -11,11 +11,11 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import SceneError
 from textile_twin_core.machine.drive import load_names
 from textile_twin_core.machine.machine import Machine
+from textile_twin_core.machine.slots import not_negative, read
 from textile_twin_core.mechanism import MAIN_SHAFT
 from textile_twin_core.synthesis.batch_loads import Turn, displacement, is_known, load_torque
 from textile_twin_core.synthesis.batch_motion import Chain, Columns, Point, solve
 from textile_twin_core.synthesis.numbers import MOTION, largest, motion_number, shaking_numbers, torque_numbers
-from textile_twin_core.synthesis.slots import not_negative, read
 from textile_twin_core.synthesis.turn import shaft_angles
 
 SAMPLES = 180

@@ -14,6 +14,7 @@ from textile_twin_core import machines
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import SceneError
 from textile_twin_core.machine import AnyMachine, Machine
+from textile_twin_core.machine.slots import read, write
 from textile_twin_core.synthesis.shaft_design import (
     DIAMETER,
     MOST_STATIONS,
@@ -22,7 +23,6 @@ from textile_twin_core.synthesis.shaft_design import (
     shaft_values,
     with_shaft,
 )
-from textile_twin_core.synthesis.slots import read, write
 
 _UNITS = {
     "N_mm3": "N/mm³",

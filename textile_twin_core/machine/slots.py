@@ -176,6 +176,15 @@ def write(machine: AnyMachine, values: Mapping[str, float]) -> AnyMachine:
         SceneError: for an unknown slot.
         MachineError: for an impossible machine.
     """
+    changes = changed(machine, values)
+    return dataclasses.replace(machine, **changes) if changes else machine
+
+
+def changed(machine: AnyMachine, values: Mapping[str, float]) -> dict[str, Any]:
+    """The fields of the machine's declaration that hold other numbers in some slots, by name, not yet assembled.
+
+    Raises SceneError for a slot that is not there, MachineError where a part cannot be so.
+    """
     known = {slot.name: slot for slot in slots(machine)}
     entries: dict[str, dict[int | str, Any]] = {}
     for name, value in values.items():
@@ -184,8 +193,7 @@ def write(machine: AnyMachine, values: Mapping[str, float]) -> AnyMachine:
             raise SceneError(f"machine '{machine.name}' has no number '{name}'")
         declared = entries.setdefault(slot.field, _entries(machine, slot.field))
         declared[slot.entry] = _replaced(declared[slot.entry], slot, float(value))
-    changes = {field: _field(machine, field, declared) for field, declared in entries.items()}
-    return dataclasses.replace(machine, **changes) if changes else machine
+    return {field: _field(machine, field, declared) for field, declared in entries.items()}
 
 
 def _replaced(entry: Any, slot: Slot, value: float) -> Any:

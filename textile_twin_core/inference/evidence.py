@@ -1,0 +1,132 @@
+"""The one criterion for departures: the evidence of a set of them, in closed form about a fit, and a sparse search.
+
+With A the information over the inflation, g the gradient, D the prior variances, m = nominal - x and u = g + m / D, the
+logarithm of the evidence is u' (A + 1/D)^-1 u / 2 - m' D^-1 m / 2 - log det(I + D A) / 2 plus the log odds of the set
+(Laplace's approximation; MacKay 1992).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import log_ndtr
+
+from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.inference.map_fit import Fit, prior_variance
+from textile_twin_core.inference.measurement import Measurement
+from textile_twin_core.inference.parameter import DELAY, ROTOR
+
+Departures = frozenset[str]
+EQUIVALENT_NATS = 3.0
+"""Difference of log evidence below which two explanations are named together."""
+_PAIRED = 8
+"""Likeliest single departures with which all pairs are tried."""
+_MOST = 6
+"""Departures beyond which a set no longer grows."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A set of departures, its log evidence, and sets within `EQUIVALENT_NATS` of it, likeliest first."""
+
+    departing: Departures
+    log_evidence: float
+    rivals: tuple[tuple[float, Departures], ...]
+
+
+class QuadraticEvidence:
+    """Log evidence of sets of departures on the quadratic form of the likelihood about one fit.
+
+    The matrix with all parameters at their everyday tolerance is inverted once; each set changes the prior of a few
+    parameters, which costs matrices of its own size (Woodbury's identity).
+
+    Args:
+        measurement: record and parameters.
+        fit: the fit, with information and gradient.
+        inflation: of the information.
+    """
+
+    def __init__(self, measurement: Measurement, fit: Fit, inflation: float) -> None:
+        self._parameters, self._place = measurement.parameters, measurement.place
+        self._x, self._nominal = fit.x, measurement.nominal
+        variance = prior_variance(measurement, (), fit.x)
+        information, gradient = fit.information / inflation, fit.gradient / inflation
+        away = measurement.nominal - fit.x
+        # scaled by the tolerances, I + D^1/2 A D^1/2 is well conditioned
+        self._root = root = np.sqrt(variance)
+        matrix = np.eye(root.size) + root[:, None] * information * root
+        self._inverse = np.linalg.inv(matrix)
+        self._side = root * (gradient + away / variance)
+        self._mean = self._inverse @ self._side
+        self._everyday = -0.5 * float(np.linalg.slogdet(matrix)[1])
+        self._away = away / root
+
+    def __call__(self, departing: Collection[str]) -> float:
+        """Log evidence of a set of departures, odds included."""
+        names = sorted(departing)
+        k = np.array([self._place[name] for name in names], dtype=np.int64)
+        known = [self._parameters[place] for place in k.tolist()]
+        spread = np.array([p.spread(v) for p, v in zip(known, self._x[k].tolist(), strict=True)])
+        if any(p.widest > p.departure for p in known):  # the width of their prior is that at the posterior mean
+            mean = self._gaussian(k, spread)[1]
+            spread = np.array([p.spread(v) for p, v in zip(known, mean.tolist(), strict=True)])
+        found, mean, sigma = self._gaussian(k, spread)
+        for p, m, s, wide in zip(known, mean.tolist(), sigma.tolist(), spread.tolist(), strict=True):
+            if np.isfinite(p.low):
+                # what a bound cuts off of the posterior and of the prior
+                low = p.low - p.tolerance
+                found += float(log_ndtr((m - low) / s)) - float(log_ndtr((p.nominal - low) / wide))
+        total: float = float(found) + sum(p.log_odds for p in known)
+        return total
+
+    def _gaussian(self, k: IntArray, spread: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        """Log evidence, and posterior mean and standard deviation of the parameters k under priors this wide."""
+        narrower = (self._root[k] / spread) ** 2 - 1.0
+        inverse = self._inverse[np.ix_(k, k)]
+        inner = np.eye(k.size) + narrower[:, None] * inverse
+        side = narrower * self._away[k]
+        moved = self._mean[k] + inverse @ side
+        solved = np.linalg.solve(inner.T, inverse.T).T
+        mean = moved - solved @ (narrower * moved)
+        whole = float(self._side @ self._mean) + 2.0 * float(side @ self._mean[k]) + float(side @ inverse @ side)
+        quadratic = whole - float((narrower * moved) @ mean)
+        prior = float(self._away @ self._away) + float(np.sum(narrower * self._away[k] ** 2))
+        determinant = float(np.linalg.slogdet(inner)[1]) + 2.0 * float(np.sum(np.log(spread / self._root[k])))
+        found = self._everyday + 0.5 * (quadratic - prior) - 0.5 * determinant
+        sigma = self._root[k] * np.sqrt(np.maximum(np.diag(solved), 1e-300))
+        return found, self._x[k] + self._root[k] * mean, sigma
+
+
+def is_one(measurement: Measurement, departing: Collection[str]) -> bool:
+    """Whether a set names delay and inertia where a controller of the speed makes them look alike."""
+    return measurement.record.speed_controlled and {DELAY, ROTOR} <= set(departing)
+
+
+def choose(measurement: Measurement, fit: Fit, inflation: float, start: Collection[str] = ()) -> Choice:
+    """The likeliest set of departures: add, drop and swap one, and pairs with a likely one where there is none yet."""
+    names, evidence = measurement.names, QuadraticEvidence(measurement, fit, inflation)
+    seen: dict[Departures, float] = {}
+
+    def value(departing: Departures) -> float:
+        if departing not in seen and not is_one(measurement, departing):
+            seen[departing] = evidence(departing)
+        return seen.get(departing, -np.inf)
+
+    here = frozenset(start)
+    best = value(here)
+    while True:
+        moves = [here - {name} for name in here]
+        moves += [here - {gone} | {name} for gone in here for name in names if name not in here]
+        if len(here) < _MOST:
+            moves += [here | {name} for name in names if name not in here]
+        if not here:
+            single = sorted(names, key=lambda name: -value(frozenset({name})))[:_PAIRED]
+            moves += [frozenset({one, other}) for one in single for other in names if other != one]
+        top = max(moves, key=value)
+        if value(top) <= best + 1e-9:
+            break
+        here, best = top, value(top)
+    near = [(v, s) for s, v in seen.items() if s != here and v > best - EQUIVALENT_NATS]
+    return Choice(here, best, tuple(sorted(near, key=lambda each: -each[0])))

@@ -1,0 +1,262 @@
+"""Robust maximum-a-posteriori fit: Huber's loss of the residuals over their inflation, and Gaussian priors.
+
+Gauss-Newton with Levenberg's damping on the normal equations, which costs a tenth of a trust region on the slopes
+themselves; samples may leave the fit while time shifts, which a general solver does not allow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
+from textile_twin_core.inference import blocks
+from textile_twin_core.inference.measurement import Hypothesis, Measurement
+from textile_twin_core.inference.parameter import COULOMB, DELAY, DRIFT, GAIN, ROTOR, ZERO
+from textile_twin_core.inference.robust import huber_loss, huber_weights, robust_scale
+
+TURN = 2.0 * np.pi
+_LONGEST = {ZERO: 0.15, DELAY: 0.01, DRIFT: 3e-4, GAIN: 0.7}
+"""Longest step of one iteration: the torque is a wave of the angle."""
+_HIGHEST = {GAIN: 0.95}
+"""Beyond it the gain would be twenty times that of the nearest unit."""
+_REACH = 6.0
+"""Widest departures' standard deviations beyond which no value is sought."""
+_CONVERGED, _MOST_DAMPING = 1e-3, 1e4
+_KEPT = 0.7
+"""Share of the samples that a step must keep."""
+_WIDENED = 3
+"""Fits that follow the widths of the priors at most."""
+_BESIDE = 3.0
+"""Robust scales of the residual by which a sample's own standard deviation beside a step of the load counts."""
+_CLUSTERED = (ZERO, DELAY, GAIN, COULOMB, ROTOR)
+"""Parameters by whose scores per turn the inflation of the residuals is judged."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fit and the quadratic form of the likelihood about it.
+
+    Attributes:
+        x: (k,) values. hypothesis: discrete settings.
+        information: (k, k) of the readings without inflation; gradient: (k,) of their log likelihood.
+        scale: of Huber's loss [N m]. inflation: variance of scores per turn over that of independent samples.
+        rms: of the residual [N m]. explained: share of the torque's variance.
+        log_likelihood: with the inflation given, without constants.
+        covariance: (k, k) of the values, priors included.
+        count: residuals that entered.
+    """
+
+    x: FloatArray
+    hypothesis: Hypothesis
+    information: FloatArray
+    gradient: FloatArray
+    scale: float
+    inflation: float
+    rms: float
+    explained: float
+    log_likelihood: float
+    covariance: FloatArray
+    count: int
+
+
+@dataclass(frozen=True)
+class _Weighed:
+    """Residuals as weighed at one place: normal matrix, gradient, cost and what they were made from."""
+
+    information: FloatArray
+    gradient: FloatArray
+    scale: float
+    cost: float
+    residual: FloatArray
+    own: FloatArray
+    good: BoolArray
+    rms: float
+    turn: IntArray
+    weighted: FloatArray
+    slopes: FloatArray
+
+
+def prior_variance(measurement: Measurement, departing: Collection[str], x: FloatArray) -> FloatArray:
+    """Prior variances (k,): of departures for the parameters named, of everyday tolerances for all others."""
+    pairs = zip(measurement.parameters, x.tolist(), strict=True)
+    return np.array([(p.spread(v) if p.name in departing else p.tolerance) ** 2 for p, v in pairs])
+
+
+def map_fit(
+    measurement: Measurement,
+    hypothesis: Hypothesis,
+    x: FloatArray,
+    departing: Collection[str],
+    *,
+    free: Collection[str] | None = None,
+    iterations: int = 12,
+    inflation: float = 0.0,
+    scale: float = 0.0,
+    relinearise: bool = False,
+) -> Fit:
+    """Fit all parameters, or those named in `free`, from x on.
+
+    Args:
+        measurement: record and model.
+        hypothesis: discrete settings.
+        x: (k,) start.
+        departing: parameters with the wide prior of a departure.
+        free: parameters that may move; None: all.
+        iterations: most iterations.
+        inflation, scale: of the residuals where they are known from another fit; 0: estimated.
+        relinearise: follow departures of the machine's numbers, on which the torque depends nonlinearly.
+    """
+    names = measurement.names
+    index = np.array([k for k, name in enumerate(names) if free is None or name in free], dtype=np.int64)
+    given = inflation or 1.0
+    reach = np.array([_REACH * p.widest for p in measurement.parameters])
+    low = np.maximum(measurement.nominal - reach, [p.low for p in measurement.parameters])
+    high = np.minimum(measurement.nominal + reach, [_HIGHEST.get(name, np.inf) for name in names])
+    variance, damping = prior_variance(measurement, departing, x), 0.0
+
+    def weigh(x: FloatArray) -> _Weighed:
+        measurement.model.linearise(measurement.values(x), departing if relinearise else ())
+        return _weigh(measurement, hypothesis, x, variance, given, scale)
+
+    here = weigh(x)
+    for _ in range(iterations):
+        normal = here.information / given + np.diag(1.0 / variance)
+        slope = here.gradient / given - (x - measurement.nominal) / variance
+        trial: FloatArray = np.clip(x + _step(names, index, normal, slope, damping), low, high)
+        cost = _cost(measurement, hypothesis, trial, variance, given, here)
+        if cost < here.cost + 1e-9:
+            x, damping = trial, damping / 10.0 if damping > 1e-6 else 0.0
+            done = here.cost - cost < _CONVERGED
+            here = weigh(x)
+            if done:
+                break
+        else:
+            damping = max(10.0 * damping, 1e-3)
+            if damping > _MOST_DAMPING:
+                break
+    found = float(np.median(_ratios(measurement, here)))
+    away = x - measurement.nominal
+    covariance = np.asarray(np.linalg.inv(here.information / (inflation or found) + np.diag(1.0 / variance)))
+    torque = measurement.record.torque_Nm
+    return Fit(
+        x,
+        hypothesis,
+        here.information,
+        here.gradient,
+        here.scale,
+        inflation or found,
+        here.rms,
+        1.0 - here.rms**2 / max(float(np.var(torque)), 1e-300),
+        -0.5 * (here.cost - float(np.sum(away**2 / variance))),
+        covariance,
+        here.residual.size,
+    )
+
+
+def wide_fit(
+    measurement: Measurement, hypothesis: Hypothesis, x: FloatArray, departing: Collection[str], **options: Any
+) -> Fit:
+    """`map_fit`, again from where it ends while the widths of the priors change: they follow large departures."""
+    fit = map_fit(measurement, hypothesis, x, departing, **options)
+    for _ in range(_WIDENED):
+        before, after = prior_variance(measurement, departing, x), prior_variance(measurement, departing, fit.x)
+        if np.all(np.maximum(before / after, after / before) < 2.0):
+            break
+        x = fit.x
+        fit = map_fit(measurement, hypothesis, x, departing, **options)
+    return fit
+
+
+def _weigh(
+    measurement: Measurement,
+    hypothesis: Hypothesis,
+    x: FloatArray,
+    variance: FloatArray,
+    inflation: float,
+    scale: float,
+) -> _Weighed:
+    record = measurement.record
+    seen = measurement.expected(hypothesis, x, slopes=True)
+    assert seen.slopes is not None
+    left = record.torque_Nm - seen.torque_Nm
+    own = np.ones_like(left)
+    if not record.block_s and seen.good.any():
+        own = 1.0 / (1.0 + (seen.sigma / (_BESIDE * robust_scale(left[seen.good]))) ** 2)
+    columns, good = _means(measurement, np.column_stack([left, own, seen.theta, seen.slopes]), seen.good)
+    residual, own, theta, slopes = columns[good, 0], columns[good, 1], columns[good, 2], columns[good, 3:]
+    if not scale:
+        scale = robust_scale(residual)
+        if record.block_s:
+            scale = max(scale, 0.5 * float(np.sqrt(np.mean(residual**2))))
+    weight = huber_weights(residual, scale) * own
+    information = (slopes * weight[:, None]).T @ slopes / scale**2
+    gradient = (slopes * weight[:, None]).T @ residual / scale**2
+    rest, rest_slopes = measurement.at_standstill(hypothesis, x, slopes=True)
+    if rest.size and rest_slopes is not None:
+        at_rest = rest_slopes * (huber_weights(rest, 1.0) * inflation)[:, None]
+        information = information + at_rest.T @ rest_slopes
+        gradient = gradient + at_rest.T @ rest
+    cost = float(np.sum(own * huber_loss(residual, scale))) / inflation + float(np.sum(huber_loss(rest, 1.0)))
+    cost += float(np.sum((x - measurement.nominal) ** 2 / variance))
+    turn = np.floor(theta / TURN).astype(np.int64)
+    rms = float(np.sqrt(np.sum(own * residual**2) / max(float(np.sum(own)), 1e-300)))
+    return _Weighed(information, gradient, scale, cost, residual, own, good, rms, turn, weight * residual, slopes)
+
+
+def _cost(
+    measurement: Measurement,
+    hypothesis: Hypothesis,
+    x: FloatArray,
+    variance: FloatArray,
+    inflation: float,
+    here: _Weighed,
+) -> float:
+    """Cost at another place with the weights of this one, over the samples of both; infinite where too few remain."""
+    seen = measurement.expected(hypothesis, x)
+    columns, good = _means(measurement, (measurement.record.torque_Nm - seen.torque_Nm)[:, None], seen.good)
+    both = here.good & good
+    count = np.count_nonzero(both)
+    if count < _KEPT * np.count_nonzero(here.good):
+        return float("inf")
+    own = np.ones(both.size)
+    own[here.good] = here.own
+    loss = float(np.sum(own[both] * huber_loss(columns[both, 0], here.scale))) / inflation
+    rest, _ = measurement.at_standstill(hypothesis, x)
+    prior = float(np.sum((x - measurement.nominal) ** 2 / variance))
+    return loss * np.count_nonzero(here.good) / count + float(np.sum(huber_loss(rest, 1.0))) + prior
+
+
+def _means(measurement: Measurement, columns: FloatArray, good: BoolArray) -> tuple[FloatArray, BoolArray]:
+    """Values at the samples as they are weighed: by themselves, or as means over blocks of time."""
+    record = measurement.record
+    if not record.block_s:
+        return columns, good
+    return blocks.means((record.time_s - record.time_s[0]) / record.block_s, columns, good)
+
+
+def _step(names: tuple[str, ...], index: IntArray, normal: FloatArray, slope: FloatArray, damping: float) -> FloatArray:
+    """Step of all parameters, that of the free ones damped."""
+    inner = normal[np.ix_(index, index)]
+    size = np.sqrt(np.diag(inner))
+    step = np.zeros(len(names))
+    if index.size:
+        scaled = inner / np.outer(size, size) + damping * np.eye(index.size)
+        step[index] = np.linalg.solve(scaled, slope[index] / size) / size
+    for name, longest in _LONGEST.items():
+        away = abs(step[names.index(name)])
+        if away > longest:
+            step *= longest / away
+    return step
+
+
+def _ratios(measurement: Measurement, here: _Weighed) -> FloatArray:
+    """Variance of the scores per turn over that of independent samples, by parameter, at least 1."""
+    asked = [measurement.place[name] for name in _CLUSTERED]
+    place = np.unique(here.turn, return_inverse=True)[1]
+    scores = [np.bincount(place, column * here.weighted) for column in here.slopes[:, asked].T]
+    clustered = np.array([each @ each for each in scores]) / here.scale**4
+    return np.maximum(clustered / np.maximum(np.diag(here.information)[asked], 1e-300), 1.0)

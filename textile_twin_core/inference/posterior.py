@@ -1,0 +1,228 @@
+"""The posterior of a record: discrete settings, values with standard deviations, and what departs from the file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.inference.evidence import Choice, Departures, QuadraticEvidence, choose, is_one
+from textile_twin_core.inference.map_fit import Fit, map_fit, wide_fit
+from textile_twin_core.inference.measurement import Hypothesis, Measurement
+from textile_twin_core.inference.parameter import COULOMB, DELAY, DRIFT, GAIN, OFFSET, ZERO, ModelParameter
+from textile_twin_core.inference.priors import WorkingPoint, parameters
+from textile_twin_core.inference.record import MOST_SAMPLES, Record
+from textile_twin_core.inference.starts import RATIOS, TURN, hypotheses
+from textile_twin_core.inference.torque_model import TabulatedTorque
+from textile_twin_core.machine import Machine
+
+_ROUNDS = 5
+"""Rounds of refits in which the set of departures may change."""
+IMPLAUSIBLE_NATS = 30.0
+"""Prior cost of the departures from which another machine is likelier."""
+_HYPOTHESES, _AS_GOOD = 3, 0.01
+"""Discrete hypotheses that are searched at most while all are implausible; by how much less one may explain."""
+_BESIDE_ZERO = (GAIN, DRIFT, COULOMB, OFFSET)
+"""Departures that stay while zero and delay change places."""
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """What a record says of a machine and its sensors.
+
+    Attributes:
+        measurement: record, model and parameters.
+        configured: discrete settings and sensor of the machine file.
+        fit: values and their covariance, with departures free by their wide priors and all else by its tolerance.
+        choice: which parameters depart, and the sets of departures that explain the record as well.
+        log_evidence: of the choice at its own fit.
+        others: other discrete hypotheses, likeliest first.
+    """
+
+    measurement: Measurement
+    configured: Hypothesis
+    fit: Fit
+    choice: Choice
+    log_evidence: float
+    others: tuple[Fit, ...]
+
+    @property
+    def departing(self) -> Departures:
+        """Names of the parameters that depart from the file."""
+        return self.choice.departing
+
+    @property
+    def hypothesis(self) -> Hypothesis:
+        """The likeliest discrete settings."""
+        return self.fit.hypothesis
+
+    def parameter(self, name: str) -> ModelParameter:
+        """A parameter by name."""
+        return self.measurement.parameters[self.measurement.place[name]]
+
+    def value(self, name: str) -> float:
+        """Value of a parameter; of a sensor its departure (of the gain see `gain_factor`)."""
+        return float(self.fit.x[self.measurement.place[name]])
+
+    def departure(self, name: str) -> float:
+        """Value less nominal value."""
+        return self.value(name) - self.parameter(name).nominal
+
+    def sigma(self, name: str) -> float:
+        """Standard deviation of a value, given the tolerances of all others."""
+        k = self.measurement.place[name]
+        return math.sqrt(float(self.fit.covariance[k, k]))
+
+    def covariance(self, names: Collection[str]) -> FloatArray:
+        """Covariance (n, n) of some values."""
+        k = [self.measurement.place[name] for name in names]
+        return self.fit.covariance[np.ix_(k, k)]
+
+    def equivalents(self, name: str) -> tuple[str, ...]:
+        """Parameters whose departure instead of this one explains the record as well, likeliest first."""
+        rest = self.departing - {name}
+        swapped = [s - rest for _, s in self.choice.rivals if rest <= s and name not in s and len(s) == len(rest) + 1]
+        return tuple(dict.fromkeys(next(iter(each)) for each in swapped))
+
+    @property
+    def explained(self) -> float:
+        """Share of the torque's variance that the values explain, sample by sample."""
+        self.measurement.model.linearise(self.measurement.values(self.fit.x), self.departing)
+        residual, good = self.measurement.residual(self.hypothesis, self.fit.x)
+        torque = self.measurement.record.torque_Nm[good]
+        return 1.0 - float(np.mean(residual[good] ** 2)) / max(float(np.var(torque)), 1e-300) if torque.size else 0.0
+
+    @property
+    def surprise(self) -> float:
+        """Prior cost of the departures in nats: large where no few mistakes make this machine give this torque."""
+        cost = 0.0
+        for name in self.departing:
+            p = self.parameter(name)
+            cost += min(0.5 * (self.departure(name) / p.spread(self.value(name))) ** 2, 6.0) - p.log_odds
+        return cost
+
+
+def infer(
+    record: Record, machine: Machine, configured: Hypothesis, ratios: tuple[float, ...] = RATIOS
+) -> Posterior | None:
+    """Infer sensors, machine and what departs from the file, from one record.
+
+    Args:
+        record: torque samples of the turning shaft and its motion.
+        machine: the machine of the file.
+        configured: what the file says of the sensors.
+        ratios: gear ratios to try, beside the configured one.
+
+    Returns the posterior, or None when no hypothesis gives a fit.
+    """
+    measurement = _measurement(record, machine, configured)
+    fits = hypotheses(measurement, configured, ratios)
+    if not fits:
+        return None
+    first: Posterior | None = None
+    for fit in _distinct(fits)[:_HYPOTHESES]:
+        others = [fit, *(other for other in fits if other is not fit)]
+        found = _Search(measurement, configured, others).run()
+        # values that no few mistakes explain may come from the wrong discrete settings
+        if found.surprise <= IMPLAUSIBLE_NATS and (first is None or found.explained > first.explained - _AS_GOOD):
+            return found
+        first = first or found
+    return first
+
+
+def _distinct(fits: list[Fit]) -> list[Fit]:
+    """The likeliest fit of each direction, ratio and gain."""
+    first: dict[tuple[float, float], Fit] = {}
+    for fit in fits:
+        first.setdefault((fit.hypothesis.turn, fit.hypothesis.gain), fit)
+    return list(first.values())
+
+
+def _measurement(record: Record, machine: Machine, configured: Hypothesis) -> Measurement:
+    speed = abs(record.speed_rad_s * configured.turn)
+    nothing, held = parameters(machine, WorkingPoint(1.0, speed, 1.0))
+    model = TabulatedTorque(machine, nothing, held)
+    measurement = Measurement(record.thinned(MOST_SAMPLES) if not record.block_s else record, model, nothing, 1.0)
+    seen = measurement.expected(configured, measurement.nominal)
+    torque = np.abs(seen.torque_Nm[seen.good] - configured.offset_Nm) / abs(configured.gain)
+    scale = max(float(np.percentile(torque, 95.0)) if torque.size else 0.0, 1e-9)
+    inertia = max(model.mean_inertia + sum(b.inertia_kgm2 for b in machine.bodies if b.is_flywheel), 1e-12)
+    known, _ = parameters(machine, WorkingPoint(scale, speed, inertia))
+    return Measurement(measurement.record, model, known, scale)
+
+
+class _Search:
+    """The search for departures under the likeliest discrete hypothesis; every winner is fitted again."""
+
+    def __init__(self, measurement: Measurement, configured: Hypothesis, fits: list[Fit]) -> None:
+        self.measurement, self.configured, self.fits, self.top = measurement, configured, fits, fits[0]
+        self.speed = self.top.hypothesis.turn * measurement.record.speed_rad_s
+        self.full = map_fit(measurement, self.top.hypothesis, self.top.x, measurement.names)
+
+    def run(self) -> Posterior:
+        """The posterior."""
+        m, full = self.measurement, self.full
+        first = choose(m, full, full.inflation).departing
+        best = self._refit(full.x, first)
+        tried = {first}
+        if m.record.one_speed:
+            for departing, x in self._ends(first):
+                best = max(best, self._refit(x, departing), key=lambda each: each[0])
+                tried.add(departing)
+        for _ in range(_ROUNDS):
+            value, fit, departing = best
+            choice = choose(m, fit, full.inflation, departing)
+            queue = [(choice.departing, fit.x), *((s, fit.x) for _, s in choice.rivals[:2])]
+            for name in departing:
+                queue += self._without(fit, departing, name)
+            queue = [(s, x) for s, x in queue if s not in tried and not is_one(m, s)]
+            tried |= {s for s, _ in queue}
+            if not queue:
+                break
+            new = max((self._refit(x, s) for s, x in queue), key=lambda each: each[0])
+            if new[0] <= value:
+                break
+            best = new
+        value, fit, departing = best
+        near = choose(m, fit, full.inflation, departing)
+        rivals = tuple(each for each in near.rivals if each[1] != departing)
+        if near.departing != departing:
+            rivals = ((near.log_evidence, near.departing), *rivals)
+        return Posterior(m, self.configured, fit, Choice(departing, value, rivals), value, tuple(self.fits[1:]))
+
+    def _refit(self, x: FloatArray, departing: Departures) -> tuple[float, Fit, Departures]:
+        full = self.full
+        m, hypothesis = self.measurement, self.top.hypothesis
+        fit = wide_fit(m, hypothesis, x, departing, inflation=full.inflation, scale=full.scale, relinearise=True)
+        value = QuadraticEvidence(m, fit, full.inflation)(departing) + fit.log_likelihood
+        return value, fit, departing
+
+    def _ends(self, first: Departures) -> list[tuple[Departures, FloatArray]]:
+        """Both ends of the valley in which zero and delay lie at one speed."""
+        m = self.measurement
+        zero, delay = float(self.top.x[m.place[ZERO]]), float(self.top.x[m.place[DELAY]])
+        ends = (DELAY, delay + zero / self.speed), (ZERO, math.remainder(zero + delay * self.speed, TURN))
+        out = []
+        for name, value in ends:
+            x = m.nominal.copy()
+            x[m.place[name]], x[m.place[GAIN]] = value, self.top.x[m.place[GAIN]]
+            out.append((frozenset((first & set(_BESIDE_ZERO)) | {name}), x))
+        return out
+
+    def _without(self, fit: Fit, departing: Departures, name: str) -> list[tuple[Departures, FloatArray]]:
+        """The set without a departure, and with zero and delay exchanged."""
+        m = self.measurement
+        k = m.place[name]
+        x = fit.x.copy()
+        away = float(x[k] - m.nominal[k])
+        x[k] = m.nominal[k]
+        out = [(departing - {name}, x)]
+        if name in (ZERO, DELAY):
+            other, value = (DELAY, away / self.speed) if name == ZERO else (ZERO, away * self.speed)
+            moved = x.copy()
+            moved[m.place[other]] += value
+            out.append((departing - {name} | {other}, moved))
+        return out

@@ -1,0 +1,225 @@
+"""How well each number of a machine file is known beforehand, by its kind."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+
+from textile_twin_core.dynamics.loads import Backing, ShaftFriction
+from textile_twin_core.errors import MachineError
+from textile_twin_core.inference.parameter import (
+    COULOMB,
+    DELAY,
+    DRIFT,
+    GAIN,
+    HELD,
+    OFFSET,
+    ROTOR,
+    VISCOUS,
+    ZERO,
+    ModelParameter,
+)
+from textile_twin_core.machine import Machine
+from textile_twin_core.machine.slots import Slot, read, slots
+from textile_twin_core.mechanism import MAIN_SHAFT
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Tolerance, departure and its probability, and the threshold of a kind, as multiples of the kind's scale.
+
+    widest: largest standard deviation of a departure, where mistakes several times the usual one occur; 0: `departure`.
+    """
+
+    tolerance: float
+    departure: float
+    probability: float
+    threshold: float
+    widest: float = 0.0
+
+
+PRIORS: Mapping[str, Prior] = {
+    # Sensors. An encoder is set to a tenth of a degree or left as it was mounted.
+    "zero": Prior(1e-3, 1.8, 0.05, math.radians(0.3)),
+    # Stamps of one clock agree to tens of microseconds; filters and buses delay by milliseconds.
+    "delay": Prior(5e-5, 8e-3, 0.05, 3e-4, 0.03),
+    # Quartz clocks agree to a few parts per million; clocks that are not disciplined drift by up to a thousandth.
+    "drift": Prior(2e-6, 5e-4, 0.01, 2e-5),
+    # Torque sensors are calibrated to a few per mille; a wrong range or bridge factor changes tens of per cent.
+    "gain": Prior(3e-3, 0.3, 0.03, 0.02),
+    # Of the working torque: zero drift of a strain gauge, and a bridge that nobody balanced.
+    "offset": Prior(2e-3, 0.15, 0.03, 0.015),
+    # Of the working torque: bearings of a machine that runs warm, and friction that the file leaves out.
+    "coulomb": Prior(3e-3, 0.15, 0.05, 0.015),
+    "viscous": Prior(3e-3, 0.15, 0.03, 0.015),
+    # Of the working torque: dry friction and a brake hold a standing shaft.
+    "held": Prior(1e-3, 0.15, 0.005, 0.015),
+    # Of the mean inertia: couplings; a motor's rotor or a flywheel may weigh many times the linkage.
+    "rotor": Prior(3e-3, 0.3, 0.02, 0.02, 30.0),
+    # Of the force: cloth and yarn vary by per cents; another quality by tens of per cent.
+    "force": Prior(0.05, 0.3, 0.03, 0.04),
+    "free_force": Prior(0.002, 0.03, 0.01, 0.01),
+    "spring": Prior(0.02, 0.3, 0.02, 0.06),
+    "preload": Prior(3e-3, 0.1, 0.005, 0.02),
+    "joint_friction": Prior(0.05, 0.5, 0.01, 0.1),
+    # Plane of the backing [m]: set with a gauge, or not at all.
+    "plane": Prior(5e-5, 2e-3, 0.01, 3e-4),
+    # Bodies: weighed or taken from a drawing; a part that was exchanged or forgotten changes more.
+    "mass": Prior(0.01, 0.25, 0.002, 0.04),
+    "inertia": Prior(0.02, 0.4, 0.002, 0.08),
+    "centroid": Prior(0.005, 0.08, 0.002, 0.02),
+    # Lengths: measured between pins to half a per mille; ground points [m] with a rule.
+    "length": Prior(5e-4, 0.02, 0.002, 3e-3),
+    "ground": Prior(1e-4, 3e-3, 0.001, 1e-3),
+    "angle": Prior(2e-3, 0.05, 0.001, 0.01),
+}
+"""Standard deviations, relative where the kind's numbers have a size of their own."""
+
+_OF_ATTRIBUTE = {
+    "mass_kg": "mass",
+    "inertia_kgm2": "inertia",
+    "centroid": "centroid",
+    "length_m": "length",
+    "lengths_m": "length",
+    "axis_ratio": "length",
+    "radius_m": "length",
+    "guide_point_m": "ground",
+    "guides": "ground",
+    "offset_m": "ground",
+    "angle_rad": "angle",
+    "slot_angle_rad": "angle",
+    "phase_rad": "angle",
+    "force_N": "joint_friction",
+    "torque_Nm": "joint_friction",
+    "viscous_Nms": "joint_friction",
+    "viscous_Ns_m": "joint_friction",
+    "stiffness_N_m": "spring",
+    "stiffness_Nm_rad": "spring",
+    "free_length_m": "preload",
+    "free_angle_rad": "preload",
+    "entry_plane_m": "plane",
+    "exit_plane_m": "plane",
+}
+_RELATIVE = ("mass", "inertia", "length", "spring", "joint_friction", "force")
+_NO_SIZE = 1e-50
+"""A number that is smaller has no relative tolerance, and no effect."""
+_SHORTEST = 0.8
+"""Share of its nominal value that a length may have at least: a linkage of shorter ones is another machine."""
+_NOT_NEGATIVE = ("mass", "inertia", "spring", "joint_friction", "force", "free_force")
+_UNITS = {"mass": "kg", "inertia": "kg m2", "ground": "m", "plane": "m", "angle": "rad", "centroid": "lengths"}
+_BY_SUFFIX = {"_N_m": "N/m", "_Nm_rad": "N m/rad", "_Nms": "N m s", "_Ns_m": "N s/m", "_Nm": "N m", "_N": "N"}
+
+
+@dataclass(frozen=True)
+class WorkingPoint:
+    """Scales of a machine at work: torque [N m], speed [rad/s], and mean inertia of the shaft [kg m2]."""
+
+    torque_Nm: float
+    speed_rad_s: float
+    inertia_kgm2: float
+
+
+def parameter_path(slot: Slot) -> str:
+    """Dotted path of a slot into the machine file, as `bodies.l3.mass_kg`."""
+    part, _, number = slot.name.rpartition(".")
+    return f"{slot.field}.{part.lower() if slot.field == 'loads' else part}.{number}"
+
+
+def parameters(machine: Machine, point: WorkingPoint) -> tuple[tuple[ModelParameter, ...], dict[str, Slot]]:
+    """Every number on which a machine's torque depends, and the slots of those that stand in its declaration.
+
+    Args:
+        machine: the machine.
+        point: its scales at work.
+    """
+    frictions = [load for load in machine.loads if isinstance(load, ShaftFriction)]
+    rotor = sum(body.inertia_kgm2 for body in machine.bodies if body.is_flywheel)
+    torque, speed, inertia = point.torque_Nm, point.speed_rad_s, point.inertia_kgm2
+    own = [
+        _of("zero", ZERO, 0.0, 1.0, "rad"),
+        _of("delay", DELAY, 0.0, 1.0, "s"),
+        _of("drift", DRIFT, 0.0, 1.0, "s/s"),
+        _of("gain", GAIN, 0.0, 1.0, ""),
+        _of("offset", OFFSET, 0.0, torque, "N m"),
+        _of("coulomb", COULOMB, sum(load.coulomb_Nm for load in frictions), torque, "N m", 0.0),
+        _of("viscous", VISCOUS, sum(load.viscous_Nms for load in frictions), torque / speed, "N m s", 0.0),
+        _of("held", HELD, 0.0, torque, "N m"),
+        _of("rotor", ROTOR, rotor, inertia, "kg m2", 0.0),
+    ]
+    values, held = read(machine), {}
+    for slot in slots(machine):
+        kind = _kind(machine, slot)
+        value = values[slot.name]
+        if not kind or (abs(value) < _NO_SIZE and kind in _RELATIVE):
+            continue
+        scale = abs(value) if kind in _RELATIVE else 1.0
+        if kind == "free_force":
+            scale = machine.loads[int(slot.entry)].force_N  # type: ignore[attr-defined]
+            if abs(scale) < _NO_SIZE:
+                continue
+        name, low = parameter_path(slot), 0.0 if kind in _NOT_NEGATIVE else -math.inf
+        if kind == "length":
+            low = _SHORTEST * value
+        own.append(_of(kind, name, value, scale, _unit(kind, slot), low))
+        held[name] = slot
+    return tuple(_with_tolerance(machine, known) for known in _checked(machine, own)), held
+
+
+def _checked(machine: Machine, known: list[ModelParameter]) -> list[ModelParameter]:
+    """The parameters, where the machine states tolerances of these alone. Raises MachineError."""
+    names = {parameter.name: parameter for parameter in known}
+    for path in machine.tolerances:
+        if path not in names or names[path].nominal == 0.0:
+            near = get_close_matches(path, names, n=3) or list(names)[:6]
+            raise MachineError(
+                f"machine '{machine.name}': tolerances.{path}: the torque depends on no number of this name that is"
+                f" not 0; did you mean {' or '.join(near)}?"
+            )
+    return known
+
+
+def _with_tolerance(machine: Machine, known: ModelParameter) -> ModelParameter:
+    """A parameter with the tolerance that the machine states for it, if it does."""
+    relative = machine.tolerances.get(known.name)
+    return known if relative is None else replace(known, tolerance=relative * abs(known.nominal))
+
+
+def _of(kind: str, name: str, nominal: float, scale: float, unit: str, low: float = -math.inf) -> ModelParameter:
+    p = PRIORS[kind]
+    return ModelParameter(
+        name,
+        kind,
+        nominal,
+        p.tolerance * scale,
+        p.departure * scale,
+        max(p.widest, p.departure) * scale,
+        p.probability,
+        p.threshold * scale,
+        unit,
+        low,
+    )
+
+
+def _kind(machine: Machine, slot: Slot) -> str:
+    """Key of the table of priors; empty for a number on which no torque depends, or which is a parameter already."""
+    part = machine.loads[int(slot.entry)] if slot.field == "loads" else None
+    if (
+        isinstance(part, ShaftFriction)
+        or slot.name.startswith(f"{MAIN_SHAFT}.")
+        or slot.name.startswith(f"{MAIN_SHAFT}#")
+    ):
+        return ""
+    if isinstance(part, Backing):
+        return {"force_N": "force", "free_force_N": "free_force"}.get(slot.attribute, "plane")
+    if slot.field == "points":
+        return "ground"
+    return _OF_ATTRIBUTE.get(slot.attribute, "")
+
+
+def _unit(kind: str, slot: Slot) -> str:
+    if kind in _UNITS:
+        return _UNITS[kind]
+    found = next((unit for suffix, unit in _BY_SUFFIX.items() if slot.attribute.endswith(suffix)), "")
+    return found or ("rad" if slot.attribute.endswith("_rad") else "m" if slot.attribute.endswith("_m") else "")

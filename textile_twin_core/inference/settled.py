@@ -1,0 +1,104 @@
+"""Sensors and friction settled: values given the tolerances of the machine file, and given the file exactly."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.inference.map_fit import Fit, map_fit
+from textile_twin_core.inference.parameter import COULOMB, DELAY, GAIN, HELD, OFFSET, ROTOR, VISCOUS, ZERO
+from textile_twin_core.inference.posterior import Posterior
+
+_NORMAL95 = 1.959964
+
+
+@dataclass(frozen=True)
+class Settled:
+    """Two fits of the same free parameters: with all other numbers within tolerances, and exactly as in the file.
+
+    Attributes:
+        posterior: of the record.
+        free: parameters that are settled.
+        tolerant: fit with all other numbers within their tolerances.
+        exact: fit with all other numbers as in the file.
+    """
+
+    posterior: Posterior
+    free: frozenset[str]
+    tolerant: Fit
+    exact: Fit
+
+    def value(self, name: str) -> float:
+        """Value given the file's tolerances."""
+        return float(self.tolerant.x[self.posterior.measurement.place[name]])
+
+    def departure(self, name: str) -> float:
+        """Value less nominal value."""
+        return self.value(name) - self.posterior.parameter(name).nominal
+
+    def sigma(self, weights: str | Mapping[str, float]) -> float:
+        """Standard deviation of a value, or of a weighted sum of values, given the file's tolerances."""
+        w = self._weights(weights)
+        return math.sqrt(max(float(w @ self.tolerant.covariance @ w), 0.0))
+
+    def given_file(self, name: str) -> tuple[float, float]:
+        """Value and standard deviation where all other numbers are exactly as in the file."""
+        place = self.posterior.measurement.place
+        k = [place[each] for each in self.free]
+        inverse = np.linalg.inv(np.linalg.inv(self.exact.covariance)[np.ix_(k, k)])
+        w = self._weights(name)[k]
+        return float(self.exact.x[place[name]]), math.sqrt(max(float(w @ inverse @ w), 0.0))
+
+    def interval95(self, name: str) -> tuple[float, float]:
+        """Interval that holds the truth in 95 of 100 records whose files are off within their tolerances."""
+        half = _NORMAL95 * self.sigma(name)
+        return self.value(name) - half, self.value(name) + half
+
+    def _weights(self, weights: str | Mapping[str, float]) -> FloatArray:
+        names = self.posterior.measurement.names
+        by_name = {weights: 1.0} if isinstance(weights, str) else weights
+        return np.array([by_name.get(name, 0.0) for name in names])
+
+
+def settle(posterior: Posterior, free: Collection[str]) -> Settled:
+    """Settle some parameters of a record.
+
+    Args:
+        posterior: of the record.
+        free: names of the parameters.
+    """
+    m = posterior.measurement
+    x = m.nominal.copy()
+    for name in free:
+        x[m.place[name]] = posterior.value(name)
+    hypothesis, inflation, scale = posterior.hypothesis, posterior.fit.inflation, posterior.fit.scale
+    exact = map_fit(m, hypothesis, x, free, free=free, inflation=inflation, scale=scale)
+    tolerant = map_fit(m, hypothesis, posterior.fit.x, free, inflation=inflation, scale=scale, relinearise=True)
+    return Settled(posterior, frozenset(free), tolerant, exact)
+
+
+def settled_sensors(posterior: Posterior, both_ways: bool = False) -> frozenset[str]:
+    """Sensors and friction that a record tells, and all departures: what `calibrate` settles.
+
+    Args:
+        posterior: of the record.
+        both_ways: the shaft turns either way, so that an offset is not friction.
+    """
+    m = posterior.measurement
+    free = {*posterior.departing, GAIN, COULOMB}
+    if m.model.depends_on_angle():
+        free |= {ZERO}
+    if m.record.one_speed:
+        kept = DELAY if DELAY in posterior.departing and ZERO not in posterior.departing else ZERO
+        free = (free - {ZERO, DELAY}) | ({kept} if kept == DELAY or ZERO in free else set())
+    else:
+        free |= {DELAY, VISCOUS}
+    if m.record.speed_controlled and ROTOR in free:
+        free -= {DELAY}
+    if both_ways or (m.record.standstills and HELD not in posterior.departing):
+        free |= {OFFSET}
+    return frozenset(free)

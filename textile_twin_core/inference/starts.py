@@ -1,0 +1,164 @@
+"""Discrete hypotheses: direction, gear ratio, half turns of the zero, sign and unit of the torque, with their odds."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.inference.map_fit import Fit, wide_fit
+from textile_twin_core.inference.measurement import Hypothesis, Measurement
+from textile_twin_core.inference.parameter import BESIDE, DELAY, GAIN, HELD, SENSORS, ZERO, gain_factor, gain_value
+from textile_twin_core.inference.torque_units import nearest_gain
+
+TURN = 2.0 * math.pi
+RATIOS = (1.0, 0.5, 2.0, 1.0 / 3.0, 3.0, 0.25, 4.0)
+"""Gear ratios that are tried beside the configured one."""
+LOG_ODDS = {"direction": -3.0, "ratio": -4.6, "sign": -3.0, "unit": -3.5, "zero": -3.0}
+"""Of discrete mistakes; `zero`: one of more than a few degrees, which every hypothesis may need."""
+_ZEROS, _APART_RAD, _KEPT = 72, 0.2, 3
+"""Zeros that are scanned, and how far the few that are kept lie apart."""
+_DELAYS, _LONGEST_S = 49, 0.06
+_SCAN, _COARSE, _FITTED = 1200, 1500, 3000
+"""Samples of the scans over zeros and delays, and of the fits that rank the hypotheses."""
+_NEAR_SPEED = 0.15
+_PENALTY = 0.3
+"""Share by which the mean square of a start counts larger for each mistake that it needs."""
+_EXPLAINED = 0.2
+"""Share of the torque's variance that a start leaves where no other gear ratio needs to be tried."""
+_HOPEFUL, _SCANNED, _RANKED = 25.0, 8, 5
+_WIDE_RAD = 0.1
+_BESIDE_ZERO = 0.8
+"""Share of the residual below which a delay beside the zero counts: of few turns, their changes of speed tell it."""
+_TELLING = 10.0
+"""Least inflation by which hypotheses are ranked: their residuals follow the angle."""
+
+
+def hypotheses(measurement: Measurement, configured: Hypothesis, ratios: tuple[float, ...] = RATIOS) -> list[Fit]:
+    """The likeliest discrete hypotheses, fitted in sensors, friction, inertia and forces, likeliest first."""
+    free = {p.name for p in measurement.parameters if p.name in (*SENSORS, *BESIDE, HELD) or p.kind == "force"}
+    if measurement.record.one_speed and measurement.model.depends_on_angle():
+        free -= {DELAY}  # which is a zero there
+    coarse = measurement
+    if not measurement.record.block_s:  # in means the errors of the acceleration vanish, which thinned samples have
+        coarse = measurement.on(measurement.record.thinned(_FITTED))
+    found: list[tuple[float, Fit]] = []
+    for factor, zero, delay, hypothesis in _starts(measurement, configured, ratios):
+        near = nearest_gain(factor or 1e-3, configured.gain)
+        hypothesis = replace(hypothesis, gain=near.gain, unit=near.factor)
+        x = measurement.nominal.copy()
+        x[measurement.place[ZERO]] = np.remainder(zero + np.pi, TURN) - np.pi
+        x[measurement.place[DELAY]] = delay
+        x[measurement.place[GAIN]] = gain_value(min(max(abs(factor / near.gain), 0.2), 20.0))
+        fit = wide_fit(coarse, hypothesis, x, free, free=free)
+        if measurement.record.one_speed and DELAY not in free:
+            beside = wide_fit(coarse, hypothesis, fit.x, free | {DELAY}, free=free | {DELAY})
+            fit = beside if beside.rms < _BESIDE_ZERO * fit.rms else fit
+        fit = _in_nearest_unit(coarse, fit, configured)
+        score = -0.5 * fit.count / max(fit.inflation, _TELLING) * math.log(max(fit.rms, 1e-300) ** 2)
+        found.append((score + _odds(fit, configured, measurement), fit))
+    return [fit for _, fit in sorted(found, key=lambda each: -each[0])]
+
+
+def _in_nearest_unit(measurement: Measurement, fit: Fit, configured: Hypothesis) -> Fit:
+    """The fit with its gain as a departure from the nearest unit."""
+    k = measurement.place[GAIN]
+    near = nearest_gain(fit.hypothesis.gain * gain_factor(float(fit.x[k])), configured.gain)
+    if near.gain == fit.hypothesis.gain or near.gain * fit.hypothesis.gain <= 0.0:
+        return fit
+    x = fit.x.copy()
+    x[k] = gain_value(fit.hypothesis.gain * gain_factor(float(fit.x[k])) / near.gain)
+    return replace(fit, x=x, hypothesis=replace(fit.hypothesis, gain=near.gain, unit=near.factor))
+
+
+def _odds(fit: Fit, configured: Hypothesis, measurement: Measurement) -> float:
+    near = nearest_gain(fit.hypothesis.gain, configured.gain)
+    ratio = abs(fit.hypothesis.turn / configured.turn)
+    zero = abs(float(fit.x[measurement.place[ZERO]])) > 0.05
+    wrong = {
+        "direction": fit.hypothesis.turn * configured.turn < 0.0,
+        "ratio": abs(ratio - 1.0) > 1e-9,
+        "sign": near.sign < 0,
+        "unit": bool(near.unit),
+        "zero": zero,
+    }
+    return sum(LOG_ODDS[what] for what, is_so in wrong.items() if is_so)
+
+
+def _starts(
+    measurement: Measurement, configured: Hypothesis, ratios: tuple[float, ...]
+) -> list[tuple[float, float, float, Hypothesis]]:
+    """Gain, zero, delay and hypothesis of the few best starts."""
+    has_zero = measurement.model.depends_on_angle()
+    fast = measurement.on(measurement.record.near_speed(_NEAR_SPEED, _SCAN))
+    zeros = np.append(TURN * np.arange(_ZEROS) / _ZEROS - np.pi, 0.0) if has_zero else np.zeros(1)
+    found: list[tuple[float, tuple[float, float], float, Hypothesis]] = []
+    power = float(np.var(fast.record.torque_Nm))
+    for ratio in ratios:
+        if found and min(found, key=lambda each: each[0])[0] < _EXPLAINED * power:
+            break
+        for way in (1.0, -1.0):
+            hypothesis = configured.turned(way * ratio)
+            scan = _Scan(fast, hypothesis, 0.0)
+            rows = sorted(((*scan.square(float(zero)), float(zero)) for zero in zeros), key=lambda each: each[0])
+            kept: list[float] = []
+            for square, gains, zero in rows:
+                if all(abs(math.remainder(zero - other, TURN)) > _APART_RAD for other in kept):
+                    kept.append(zero)
+                    found.append((square, gains, zero, hypothesis))
+                if len(kept) == _KEPT:
+                    break
+
+    def rank(each: tuple[float, tuple[float, float], float, Hypothesis]) -> float:
+        square, gains, zero, hypothesis = each
+        reversed_sign = all(gain * configured.gain < 0.0 for gain in gains)
+        mistakes = (hypothesis.turn != configured.turn) + reversed_sign + (abs(zero) > _WIDE_RAD)
+        return square * (1.0 + _PENALTY * mistakes)
+
+    found.sort(key=rank)
+    found = [each for each in found if each[0] < _HOPEFUL * found[0][0] + 1e-300][:_SCANNED]
+    coarse = measurement.on(measurement.record.thinned(_COARSE))
+    delays = [0.0] if measurement.record.one_speed else np.linspace(-_LONGEST_S, _LONGEST_S, _DELAYS).tolist()
+    best = []
+    for _, _, zero, hypothesis in found:
+        speed = hypothesis.turn * measurement.record.speed_rad_s if has_zero else 0.0
+        tried = [(*_Scan(coarse, hypothesis, d).square(zero - speed * d), zero - speed * d, d) for d in delays]
+        best.append((*min(tried, key=lambda each: each[0]), hypothesis))
+    best.sort(key=lambda each: each[0])
+    out = []
+    for _, gains, zero, delay, hypothesis in best[:_RANKED]:
+        # where force, inertia and gain are alike, they may make up for each other with the wrong sign
+        differ = gains[0] * gains[1] < 0.0
+        out += [(gain, zero, delay, hypothesis) for gain in (gains if differ else gains[:1])]
+    return out
+
+
+class _Scan:
+    """Mean square of the residual with gain, dry friction, inertia and force in the backing solved for, by zero."""
+
+    def __init__(self, measurement: Measurement, hypothesis: Hypothesis, delay_s: float) -> None:
+        self._model, self._values = measurement.model, measurement.values(measurement.nominal)
+        self._table = measurement.model.table(self._values)
+        theta, omega, alpha, good = measurement.states(hypothesis, hypothesis.delay_s + delay_s, 0.0, 0.0)
+        self._state = theta[good], omega[good], alpha[good]
+        self._shown = measurement.record.torque_Nm[good] - hypothesis.offset_Nm
+        self._forces = [p.name for p in measurement.parameters if p.kind == "force"]
+
+    def square(self, zero_rad: float) -> tuple[float, tuple[float, float]]:
+        """Mean square [N^2 m^2], and the gain beside all others and beside friction alone."""
+        theta, omega, alpha = self._state
+        found = self._model.torque(
+            self._values, (theta - zero_rad, omega, alpha), self._table, bool(self._forces), only_forces=True
+        )
+        columns = [found.torque_Nm, np.sign(omega), alpha, *(found.slopes[name] for name in self._forces)]
+        matrix: FloatArray = np.stack(columns, 1)
+        normal = matrix.T @ matrix
+        normal[np.diag_indices_from(normal)] *= 1.0 + 1e-8
+        normal[np.diag_indices_from(normal)] += 1e-300
+        sides = matrix.T @ self._shown
+        solved = np.linalg.solve(normal, sides)
+        plain = np.linalg.solve(normal[:2, :2], sides[:2])
+        gains = float(solved[0]), float(plain[0])
+        return float(self._shown @ self._shown - sides @ solved) / max(self._shown.size, 1), gains

@@ -1,0 +1,280 @@
+"""Torque of a machine over the shaft's state, and its slopes by every number of the machine.
+
+Over the shaft angle theta the torque is J alpha + C omega^2 + G + F sign(omega) + D omega. Each function of the angle
+is evaluated from the expression graph at the nodes of one table, for the machine and for the machine with each number
+changed; samples read the tables by linear interpolation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.special import ndtr
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.dynamics.loads import Backing, ShaftFriction
+from textile_twin_core.dynamics.loads.load import LoadContext
+from textile_twin_core.dynamics.reduction import reduce_bodies
+from textile_twin_core.dynamics.shaft_state import ShaftState
+from textile_twin_core.expression import Expr, const, interpret
+from textile_twin_core.inference.parameter import COULOMB, ROTOR, VISCOUS, ModelParameter
+from textile_twin_core.machine import Machine
+from textile_twin_core.machine.slots import Slot, changed
+from textile_twin_core.mechanism import Linkage, Motion
+from textile_twin_core.mechanism.vector import Vector
+
+TURN = 2.0 * np.pi
+_NODES = 1024
+_STEP = 1e-3
+"""Of a departure's standard deviation, by which a number is changed for a slope."""
+_MOVED = 0.05
+"""Departures' standard deviations from which tables are evaluated at the new place."""
+_SPREAD_RAD = 0.03
+"""Shaft angle over which a step of the load is smeared, so that the model has slopes there."""
+_BESIDE = 1e-6
+INERTIA, SQUARE, WEIGHT, DRY, DAMPING = range(5)
+
+
+@dataclass(frozen=True)
+class Torque:
+    """Torque (m,) [N m]; slopes (m,) by parameter; variance (m,) of samples whose side of a step is not certain."""
+
+    torque_Nm: FloatArray
+    slopes: dict[str, Any]
+    variance: FloatArray
+
+
+class TabulatedTorque:
+    """Evaluates torque and slopes of one machine.
+
+    Args:
+        machine: the machine; its sensors play no part.
+        parameters: those whose slopes are asked for.
+        slots: of the parameters that stand in the machine's declaration.
+    """
+
+    def __init__(self, machine: Machine, parameters: Sequence[ModelParameter], slots: Mapping[str, Slot]) -> None:
+        self.machine, self.parameters = machine, tuple(parameters)
+        self._slots = dict(slots)
+        self._backings = [load for load in machine.loads if isinstance(load, Backing)]
+        self._of_backing = [
+            {slot.attribute: name for name, slot in slots.items() if (slot.field, slot.entry) == ("loads", place)}
+            for place, load in enumerate(machine.loads)
+            if isinstance(load, Backing)
+        ]
+        of_backings = {name for each in self._of_backing for name in each.values()}
+        self.tabulated = [p for p in self.parameters if p.name in slots and p.name not in of_backings]
+        self.turns_fully = machine.linkage.solved.turns_fully
+        self._theta = machine.shaft_angles(_NODES)
+        self._speed = machine.nominal_speed_rad_s
+        self._here: dict[str, float] = {}
+        self._nominal: tuple[dict[str, float], FloatArray] | None = None
+        self._linkages: dict[tuple[float, ...], tuple[Linkage, Motion]] = {}
+        self.linearise({p.name: p.nominal for p in self.parameters})
+        self._slopes = self._slopes_at_nominal()
+        travel = self._table[5::2]
+        entry = [load.entry_plane_m for load in self._backings for _ in machine.linkages]
+        self._passes = [bool(np.max(h) >= plane) for h, plane in zip(travel, entry, strict=True)]
+
+    @property
+    def in_file(self) -> tuple[ModelParameter, ...]:
+        """Parameters that stand in the machine's declaration."""
+        return tuple(p for p in self.parameters if p.name in self._slots)
+
+    def slot_name(self, name: str) -> str:
+        """Name of the slot in the machine's declaration of a parameter."""
+        return self._slots[name].name
+
+    @property
+    def mean_inertia(self) -> float:
+        """Mean inertia of the shaft over the turn [kg m2]."""
+        return float(np.mean(self._table[INERTIA]))
+
+    def depends_on_angle(self) -> bool:
+        """Whether the torque depends on the shaft angle; that of a rotor without a linkage does not."""
+        w = self._speed
+        torque = self._table[SQUARE] * w**2 + self._table[WEIGHT] + self._table[DRY] + self._table[DAMPING] * w
+        return bool(np.ptp(torque) > 1e-12 * np.max(np.abs(self._table[INERTIA])) * w**2 or self._backings)
+
+    def linearise(self, values: Mapping[str, float], departing: Collection[str] = ()) -> None:
+        """Evaluate the tables about the values of the departing parameters, and the nominal ones of all others.
+
+        Nothing is evaluated while no parameter has moved far since the last time. The slopes stay those at the nominal
+        values: mistakes of lengths are small beside them.
+        """
+        here = {p.name: values[p.name] if p.name in departing else p.nominal for p in self.tabulated}
+        if self._here and not any(
+            abs(here[p.name] - self._here[p.name]) > _MOVED * p.departure for p in self.tabulated
+        ):
+            return
+        table = self._evaluate(here)
+        if np.isfinite(table).all():  # a linkage of these lengths closes
+            self._here, self._table = here, table
+
+    def _slopes_at_nominal(self) -> FloatArray:
+        """Slopes (k, c, nodes) of the tables by the tabulated parameters."""
+        here = {p.name: p.nominal for p in self.tabulated}
+        slopes = np.empty((len(self.tabulated), *self._table.shape))
+        for k, p in enumerate(self.tabulated):
+            step = _STEP * p.departure
+            slopes[k] = (self._evaluate(here | {p.name: here[p.name] + step}) - self._table) / step
+        return slopes
+
+    def table(self, values: Mapping[str, float]) -> FloatArray:
+        """Functions of the angle (c, nodes) with these values, linear about the last linearisation."""
+        table = self._table.copy()
+        for k, p in enumerate(self.tabulated):
+            away = values[p.name] - self._here[p.name]
+            if away:
+                table += away * self._slopes[k]
+        return table
+
+    def torque(
+        self,
+        values: Mapping[str, float],
+        state: tuple[FloatArray, FloatArray, FloatArray],
+        table: FloatArray,
+        slopes: bool = False,
+        way: FloatArray | None = None,
+        only_forces: bool = False,
+        spread_rad: float = _SPREAD_RAD,
+    ) -> Torque:
+        """Torque at states (theta, omega, alpha), each (m,).
+
+        Args:
+            values: by parameter. state: of the shaft. table: of these values.
+            slopes: evaluate slopes too; only_forces: those by forces in a backing alone.
+            way: sense of rotation where it is not omega's.
+            spread_rad: shaft angle over which a step of the load is smeared.
+        """
+        theta, omega, alpha = state
+        sign = np.sign(omega) if way is None else way
+        place, share = self._place(theta)
+        rows = self._read(table, place, share)
+        inertia, square, weight, dry, damping = rows[:5]
+        torque = (inertia + values[ROTOR]) * alpha + square * omega**2 + weight + dry * sign
+        torque = torque + (damping + values[VISCOUS]) * omega + values[COULOMB] * sign
+        out: dict[str, Any] = {VISCOUS: omega, COULOMB: sign, ROTOR: alpha} if slopes else {}
+        factors: dict[int, Any] = {INERTIA: alpha, SQUARE: omega**2, WEIGHT: 1.0, DRY: sign, DAMPING: omega}
+        variance = np.zeros_like(torque)
+        for k, passes in enumerate(self._passes):
+            names = self._of_backing[k // len(self.machine.linkages)]
+            backing = self._backings[k // len(self.machine.linkages)]
+            force, free, entry, leave = (  # a force of 0 is no parameter
+                values[names[what]] if what in names else getattr(backing, what)
+                for what in ("force_N", "free_force_N", "entry_plane_m", "exit_plane_m")
+            )
+            travel, rate = rows[5 + 2 * k], rows[6 + 2 * k]
+            going_in = rate * omega > 0.0
+            width = np.abs(rate) * spread_rad + _BESIDE
+            away = (travel - np.where(going_in, entry, leave)) / width
+            inside = ndtr(away) if passes else np.zeros_like(torque)
+            lever = np.abs(rate) * sign
+            torque = torque + lever * (free + (force - free) * inside)
+            variance = variance + (lever * (force - free)) ** 2 * inside * (1.0 - inside)
+            if slopes:
+                bump = -lever * (force - free) * np.exp(-0.5 * away**2) / (2.5066282746 * width) * passes
+                for what, column in (
+                    ("force_N", lever * inside),
+                    ("free_force_N", lever * (1.0 - inside)),
+                    ("entry_plane_m", bump * going_in),
+                    ("exit_plane_m", bump * ~going_in),
+                ):
+                    if what in names:
+                        out[names[what]] = out.get(names[what], 0.0) + column
+                factors[5 + 2 * k] = -bump
+                factors[6 + 2 * k] = np.sign(rate) * sign * (free + (force - free) * inside)
+        if slopes and self.tabulated and not only_forces:
+            found = self._chain(factors, place, share)
+            out |= {p.name: found[:, k] for k, p in enumerate(self.tabulated)}
+        return Torque(torque, out, variance)
+
+    def _chain(self, factors: Mapping[int, Any], place: Any, share: FloatArray) -> FloatArray:
+        """Slopes (m, k) by the tabulated parameters: the nodes' slopes, read and multiplied at the samples."""
+        used = {c: f for c, f in factors.items() if np.any(self._slopes[:, c])}
+        low, high = place
+        columns = np.stack([n * _NODES + side for n in range(len(used)) for side in (low, high)], 1)
+        weights = np.stack(
+            [np.broadcast_to(f * w, share.shape) for f in used.values() for w in (1.0 - share, share)], 1
+        )
+        begin = np.arange(share.size + 1) * weights.shape[1]
+        reader = csr_matrix((weights.ravel(), columns.ravel(), begin), shape=(share.size, _NODES * len(used)))
+        return np.asarray(reader @ np.concatenate([self._slopes[:, c].T for c in used], 0))
+
+    def _place(self, theta: FloatArray) -> tuple[Any, FloatArray]:
+        """Nodes on either side of angles (m,), and the share of the way between them."""
+        if self.turns_fully:
+            u = np.mod(theta, TURN) * (_NODES / TURN)
+            low = u.astype(np.int64)
+            share, low = u - low, low % _NODES
+            return (low, np.where(low + 1 == _NODES, 0, low + 1)), share
+        u = np.clip((theta - self._theta[0]) / (self._theta[1] - self._theta[0]), 0.0, _NODES - 1.001)
+        low = u.astype(np.int64)
+        return (low, low + 1), u - low
+
+    @staticmethod
+    def _read(table: FloatArray, place: Any, share: FloatArray) -> list[Any]:
+        low, high = place
+        return [row[low] * (1.0 - share) + row[high] * share if row.any() else 0.0 for row in table]
+
+    def _evaluate(self, values: Mapping[str, float]) -> FloatArray:
+        """Functions of the angle (c, nodes) of the machine with these values of the tabulated parameters."""
+        machine = self.machine
+        other = {self._slots[p.name].name: values[p.name] for p in self.tabulated if values[p.name] != p.nominal}
+        changes = changed(machine, other)
+        bodies, loads, measures = (changes.get(f, getattr(machine, f)) for f in ("bodies", "loads", "measures"))
+        motion = self._motion(values, changes)
+        shaft, gravity = ShaftState(), Vector.of(*machine.gravity_m_s2)
+        displacements = {m.name: m.displacement(motion) for m in measures}
+        reduced = reduce_bodies(motion, [b for b in bodies if not b.is_flywheel], gravity)
+        pulls = [const(0.0), const(0.0)]
+        for k, first in enumerate((True, False)):
+            context = LoadContext(motion, shaft, {m.name: m for m in measures}, displacements, first)
+            for load in loads:
+                if not isinstance(load, (Backing, ShaftFriction)):
+                    pulls[k] = pulls[k] - load.unit_force(context) * load.intensity(context)
+        travels = [displacements[b.on] for b in self._backings]
+        parts = [reduced.inertia, reduced.half_slope, reduced.potential_slope]
+        parts += [expr for each in travels for expr in (each.position, each.first)]
+        rows = np.zeros((5 + 2 * len(self._backings) * len(machine.linkages), _NODES))
+        with np.errstate(all="ignore"):
+            for number, where in enumerate(machine.linkages):
+                theta = self._theta + (where.phase_rad - machine.linkages[0].phase_rad)
+                found = interpret(parts, _states(theta, self._speed), np)
+                for k in range(3):
+                    rows[k] += found[k]
+                for k in range(len(travels)):
+                    place = 5 + 2 * (k * len(machine.linkages) + number)
+                    rows[place], rows[place + 1] = found[3 + 2 * k], found[4 + 2 * k]
+                for k, row in self._loads(pulls[min(number, 1)], theta):
+                    rows[k] += row
+        return rows
+
+    def _motion(self, values: Mapping[str, float], changes: Mapping[str, Any]) -> Motion:
+        """The motion of the first linkage, solved once for the same points and groups."""
+        machine = self.machine
+        key = tuple(values[p.name] for p in self.tabulated if self._slots[p.name].field in ("points", "groups"))
+        if key not in self._linkages:
+            if len(self._linkages) > 1:
+                self._linkages.popitem()
+            points, groups = (changes.get(field, getattr(machine, field)) for field in ("points", "groups"))
+            linkage = Linkage(points, groups, machine.range_rad)
+            self._linkages[key] = linkage, linkage.motion(machine.linkages[0].phase_rad)
+        return self._linkages[key][1]
+
+    def _loads(self, pull: Expr, theta: FloatArray) -> list[tuple[int, Any]]:
+        """Weight-like, dry and damping parts of the loads, from their torque at two speeds either way."""
+        if pull.is_constant:
+            return [(WEIGHT, pull.value)]
+        w = self._speed
+        ahead, back, ahead2, back2 = (interpret([pull], _states(theta, v), np)[0] for v in (w, -w, 2.0 * w, -2.0 * w))
+        damping = ((ahead2 - back2) - (ahead - back)) / (2.0 * w)
+        return [(WEIGHT, 0.5 * (ahead + back)), (DRY, 0.5 * (ahead - back) - damping * w), (DAMPING, damping)]
+
+
+def _states(theta: FloatArray, speed: float) -> dict[str, FloatArray]:
+    return {"theta": theta, "omega": np.full(theta.size, speed), "alpha": np.zeros(theta.size)}
