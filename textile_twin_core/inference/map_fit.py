@@ -189,9 +189,8 @@ def _weigh(
     columns, good = _means(measurement, np.column_stack([left, own, seen.theta, seen.slopes]), seen.good)
     residual, own, theta, slopes = columns[good, 0], columns[good, 1], columns[good, 2], columns[good, 3:]
     if not scale:
-        scale = robust_scale(residual)
-        if record.block_s:
-            scale = max(scale, 0.5 * float(np.sqrt(np.mean(residual**2))))
+        # means that hold a step of the load scatter more than others and count as much: no robust scale there
+        scale = float(np.sqrt(np.mean(residual**2))) if record.block_s else robust_scale(residual)
     weight = huber_weights(residual, scale) * own
     information = (slopes * weight[:, None]).T @ slopes / scale**2
     gradient = (slopes * weight[:, None]).T @ residual / scale**2

@@ -10,7 +10,17 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.inference.map_fit import Fit, wide_fit
 from textile_twin_core.inference.measurement import Hypothesis, Measurement
-from textile_twin_core.inference.parameter import BESIDE, DELAY, GAIN, HELD, SENSORS, ZERO, gain_factor, gain_value
+from textile_twin_core.inference.parameter import (
+    BESIDE,
+    DELAY,
+    GAIN,
+    HELD,
+    ROTOR,
+    SENSORS,
+    ZERO,
+    gain_factor,
+    gain_value,
+)
 from textile_twin_core.inference.torque_units import nearest_gain
 
 TURN = 2.0 * math.pi
@@ -32,6 +42,8 @@ _HOPEFUL, _SCANNED, _RANKED = 25.0, 8, 5
 _WIDE_RAD = 0.1
 _BESIDE_ZERO = 0.8
 """Share of the residual below which a delay beside the zero counts: of few turns, their changes of speed tell it."""
+_Scaled = tuple[float, float]
+"""Gain of the torque sensor, and added inertia [kg m2]."""
 _TELLING = 10.0
 """Least inflation by which hypotheses are ranked: their residuals follow the angle."""
 
@@ -45,13 +57,14 @@ def hypotheses(measurement: Measurement, configured: Hypothesis, ratios: tuple[f
     if not measurement.record.block_s:  # in means the errors of the acceleration vanish, which thinned samples have
         coarse = measurement.on(measurement.record.thinned(_FITTED))
     found: list[tuple[float, Fit]] = []
-    for factor, zero, delay, hypothesis in _starts(measurement, configured, ratios):
+    for (factor, inertia), zero, delay, hypothesis in _starts(measurement, configured, ratios):
         near = nearest_gain(factor or 1e-3, configured.gain)
         hypothesis = replace(hypothesis, gain=near.gain, unit=near.factor)
         x = measurement.nominal.copy()
         x[measurement.place[ZERO]] = np.remainder(zero + np.pi, TURN) - np.pi
         x[measurement.place[DELAY]] = delay
         x[measurement.place[GAIN]] = gain_value(min(max(abs(factor / near.gain), 0.2), 20.0))
+        x[measurement.place[ROTOR]] = max(inertia, 0.0)
         fit = wide_fit(coarse, hypothesis, x, free, free=free)
         if measurement.record.one_speed and DELAY not in free:
             beside = wide_fit(coarse, hypothesis, fit.x, free | {DELAY}, free=free | {DELAY})
@@ -89,12 +102,12 @@ def _odds(fit: Fit, configured: Hypothesis, measurement: Measurement) -> float:
 
 def _starts(
     measurement: Measurement, configured: Hypothesis, ratios: tuple[float, ...]
-) -> list[tuple[float, float, float, Hypothesis]]:
-    """Gain, zero, delay and hypothesis of the few best starts."""
+) -> list[tuple[_Scaled, float, float, Hypothesis]]:
+    """Gain and inertia, zero, delay and hypothesis of the few best starts."""
     has_zero = measurement.model.depends_on_angle()
     fast = measurement.on(measurement.record.near_speed(_NEAR_SPEED, _SCAN))
     zeros = np.append(TURN * np.arange(_ZEROS) / _ZEROS - np.pi, 0.0) if has_zero else np.zeros(1)
-    found: list[tuple[float, tuple[float, float], float, Hypothesis]] = []
+    found: list[tuple[float, tuple[_Scaled, _Scaled], float, Hypothesis]] = []
     power = float(np.var(fast.record.torque_Nm))
     for ratio in ratios:
         if found and min(found, key=lambda each: each[0])[0] < _EXPLAINED * power:
@@ -111,9 +124,9 @@ def _starts(
                 if len(kept) == _KEPT:
                     break
 
-    def rank(each: tuple[float, tuple[float, float], float, Hypothesis]) -> float:
+    def rank(each: tuple[float, tuple[_Scaled, _Scaled], float, Hypothesis]) -> float:
         square, gains, zero, hypothesis = each
-        reversed_sign = all(gain * configured.gain < 0.0 for gain in gains)
+        reversed_sign = all(gain * configured.gain < 0.0 for gain, _ in gains)
         mistakes = (hypothesis.turn != configured.turn) + reversed_sign + (abs(zero) > _WIDE_RAD)
         return square * (1.0 + _PENALTY * mistakes)
 
@@ -130,9 +143,13 @@ def _starts(
     out = []
     for _, gains, zero, delay, hypothesis in best[:_RANKED]:
         # where force, inertia and gain are alike, they may make up for each other with the wrong sign
-        differ = gains[0] * gains[1] < 0.0
-        out += [(gain, zero, delay, hypothesis) for gain in (gains if differ else gains[:1])]
+        differ = gains[0][0] * gains[1][0] < 0.0
+        out += [(each, zero, delay, hypothesis) for each in (gains if differ else gains[:1])]
     return out
+
+
+def _scaled(gain: float, shown_inertia: float) -> _Scaled:
+    return float(gain), float(shown_inertia / gain) if gain else 0.0
 
 
 class _Scan:
@@ -146,8 +163,8 @@ class _Scan:
         self._shown = measurement.record.torque_Nm[good] - hypothesis.offset_Nm
         self._forces = [p.name for p in measurement.parameters if p.kind == "force"]
 
-    def square(self, zero_rad: float) -> tuple[float, tuple[float, float]]:
-        """Mean square [N^2 m^2], and the gain beside all others and beside friction alone."""
+    def square(self, zero_rad: float) -> tuple[float, tuple[_Scaled, _Scaled]]:
+        """Mean square [N^2 m^2], and gain and inertia beside all others, and the gain beside friction alone."""
         theta, omega, alpha = self._state
         found = self._model.torque(
             self._values, (theta - zero_rad, omega, alpha), self._table, bool(self._forces), only_forces=True
@@ -160,5 +177,5 @@ class _Scan:
         sides = matrix.T @ self._shown
         solved = np.linalg.solve(normal, sides)
         plain = np.linalg.solve(normal[:2, :2], sides[:2])
-        gains = float(solved[0]), float(plain[0])
+        gains = _scaled(solved[0], solved[2]), _scaled(plain[0], 0.0)
         return float(self._shown @ self._shown - sides @ solved) / max(self._shown.size, 1), gains
