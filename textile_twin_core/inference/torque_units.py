@@ -36,13 +36,16 @@ class NearestGain:
     factor: float
 
 
-def nearest_gain(gain: float, configured: float) -> NearestGain:
-    """The configured gain with the sign, and in the unit, that come nearest to a gain found."""
+def nearest_gain(gain: float, configured: float, near: float | None = None) -> NearestGain:
+    """Return the configured gain with the sign, and in the unit, nearest to an estimated gain.
+
+    `near` is the relative distance within which a unit counts; None: a tenth, less for units near a plain gain.
+    """
     ratio = gain / configured
     sign = 1 if ratio > 0.0 else -1
     best, unit, factor = math.inf, "", 1.0
     for name, units in UNITS_PER_NM.items():
         away = abs(abs(ratio) / units - 1.0)
-        if away < _NEAR_ODD.get(name, _NEAR) and away < best:
+        if away < (_NEAR_ODD.get(name, _NEAR) if near is None else near) and away < best:
             best, unit, factor = away, name, units
     return NearestGain(configured * sign * factor, sign, unit, factor)
