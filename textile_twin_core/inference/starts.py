@@ -58,7 +58,7 @@ def hypotheses(measurement: Measurement, configured: Hypothesis, ratios: tuple[f
     coarse = measurement
     if not measurement.record.block_s:  # in means the errors of the acceleration vanish, which thinned samples have
         coarse = measurement.on(measurement.record.thinned(_FITTED))
-    found: list[tuple[float, Fit]] = []
+    found: list[Fit] = []
     for (factor, inertia), zero, delay, hypothesis in _starts(measurement, configured, ratios):
         low, high = _GAINS
         near = nearest_gain(factor or 1e-3, configured.gain)
@@ -74,10 +74,17 @@ def hypotheses(measurement: Measurement, configured: Hypothesis, ratios: tuple[f
         if measurement.record.one_speed and DELAY not in free:
             beside = wide_fit(coarse, hypothesis, fit.x, free | {DELAY}, free=free | {DELAY})
             fit = beside if beside.rms < _BESIDE_ZERO * fit.rms else fit
-        fit = _in_nearest_unit(coarse, fit, configured)
-        score = -0.5 * fit.count / max(fit.inflation, _TELLING) * math.log(max(fit.rms, 1e-300) ** 2)
-        found.append((score + _odds(fit, configured, measurement), fit))
-    return [fit for _, fit in sorted(found, key=lambda each: -each[0])]
+        found.append(_in_nearest_unit(coarse, fit, configured))
+    if not found:
+        return []
+    # one inflation for all, that of the best fit: a bad fit's own would make its residuals count less
+    inflation = max(min(found, key=lambda fit: fit.rms).inflation, _TELLING)
+
+    def score(fit: Fit) -> float:
+        likelihood = -0.5 * fit.count / inflation * math.log(max(fit.rms, 1e-300) ** 2)
+        return likelihood + _odds(fit, configured, measurement)
+
+    return sorted(found, key=score, reverse=True)
 
 
 def _in_nearest_unit(measurement: Measurement, fit: Fit, configured: Hypothesis) -> Fit:
