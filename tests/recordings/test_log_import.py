@@ -135,7 +135,7 @@ def test_dates_keep_the_time_of_day_and_empty_cells_are_left_out(tmp_path: Path)
         (_PLAIN, ["--speed-unit", "rpm"], "tell it with --speed:"),
         (_PLAIN, ["--rate", "1e12"], "--rate: must be at most 1e+08 rows a second, not '1e12'"),
         (_PLAIN, ["--rate", "500", "--time", "time"], "--rate and --time cannot be combined"),
-        (_PLAIN, ["--torque-scale", "5", "--torque-unit", "Nm"], "--torque-scale and --torque-unit cannot both"),
+        (_PLAIN, ["--torque-scale", "5", "--torque-unit", "Nm"], "--torque-scale and --torque-unit cannot be combined"),
         (_PLAIN, ["--quantity-unit", "mm"], "--quantity-unit goes with --quantity"),
         (_PLAIN, ["--drive-force-zero", "0"], "--drive-force-zero goes with --drive-force"),
         (_PLAIN, ["--pickup", "angle", "--torque", "torque"], "--pickup and --torque cannot be combined"),
