@@ -262,7 +262,9 @@ def _zero_or_delay(found: Judged, name: str) -> Cause:
     zero, sigma = _as_zero(found)
     if _is_turn_of_encoder(found, zero):
         return _plain_zero(found)
-    delay = found.posterior.departure(DELAY) if DELAY in p.departing else zero / speed
+    if {ZERO, DELAY} <= p.departing:  # at one speed only their sum is known
+        zero = math.remainder(zero + p.departure(DELAY) * speed, 2.0 * math.pi)
+    delay = p.departure(DELAY) if ZERO not in p.departing else zero / speed
     text = (
         f"zero or delay: {math.degrees(zero):+.1f} deg or {delay * 1e3:.1f} ms{_or_inertia(found, delay)};"
         " the shaft turns at one speed here, a recording with a run-up would tell"
