@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Checks everything: style, types, the order of the packages, then the tests. Arguments go to pytest: -m "not slow" for
-# the quicker ones, -n 0 for one after the other.
+# the quicker ones, --all for the repetitions with more seeds and machines too, -n 0 for one after the other.
 set -euo pipefail
 lock=requirements-tests.lock
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"

@@ -1,4 +1,4 @@
-"""Scheduling of the tests over processes."""
+"""Choice of the tests and their scheduling over processes."""
 
 from __future__ import annotations
 
@@ -15,6 +15,18 @@ START_NODES = ("tests/ros/", "tests/launch_scripts/", "tests/docs/")
 
 settings.register_profile("suite", deadline=None)
 settings.load_profile("suite")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--all", action="store_true", help="run the tests marked 'campaign', too")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if config.getoption("--all"):
+        return
+    left_out = [item for item in items if item.get_closest_marker("campaign")]
+    config.hook.pytest_deselected(items=left_out)
+    items[:] = [item for item in items if not item.get_closest_marker("campaign")]
 
 
 class Rows(LoadScopeScheduling):

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import textile_twin_core as ttc
+from tests.campaign import more
 from textile_twin_core.recordings import BagWriter
 
 CODE = "import sys; from textile_twin_core.cli.main import main; sys.exit(main(sys.argv[1:]))"
@@ -60,12 +61,14 @@ def shown(*arguments: str, answer: str | None = None, codes: tuple[int, ...] = (
 @pytest.mark.parametrize(
     ("command", "expected", "least"),
     [
-        ("compare --machine tufting", ["predicting", "judging", "comparing"], 70),
         ("compare --machine tufting --html {out}.html", ["predicting", "judging", "comparing", "writing"], 100),
         ("compare --machine tufting --quantity needle_position_m", ["comparing"], 0),
-        ("identify --machine tufting", ["judging", "fitting", "seeking events", "weighing"], 90),
         ("calibrate --machine tufting --out {out}.yaml", ["judging", "settling"], 80),
         ("monitor --machine tufting --learn 20", ["watching"], 100),
+        *more(
+            ("compare --machine tufting", ["predicting", "judging", "comparing"], 70),
+            ("identify --machine tufting", ["judging", "fitting", "seeking events", "weighing"], 90),
+        ),
     ],
 )
 def test_a_recording_of_seconds_is_shown_stage_by_stage(

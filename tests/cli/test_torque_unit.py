@@ -7,12 +7,13 @@ from pathlib import Path
 
 import pytest
 
+from tests.campaign import more
 from textile_twin_core.cli.main import main
 
 BAG = str(Path(__file__).parents[2] / "bags" / "tufting_160rpm_synthetic")
 
 
-@pytest.mark.parametrize("unit", ["Ncm", "N cm", "0.01"])
+@pytest.mark.parametrize("unit", ["N cm", *more("Ncm", "0.01")])
 def test_it_is_taken_by_name_and_by_number(unit: str, tmp_path: Path) -> None:
     out = tmp_path / "out.json"
     assert main(["compare", BAG, "--machine", "tufting", "--torque-unit", unit, "--json", str(out)]) == 0

@@ -12,6 +12,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import textile_twin_core as ttc
+from tests.campaign import more
 from tests.generators import mill_recordings
 from tests.generators.mill_recordings import START_NS, healthy, mistaken, record
 from tests.generators.multibody import Floats
@@ -205,7 +206,7 @@ def test_an_offset_is_told_no_finer_than_the_steps_of_the_sensor(offset_Nm: floa
     assert found.offset_Nm.sigma < 0.05
 
 
-@pytest.mark.parametrize(("rest_s", "delay_s"), [(0.0, 0.0), (0.0, 0.002), (4.0, 0.002)])
+@pytest.mark.parametrize(("rest_s", "delay_s"), [(0.0, 0.0), *more((0.0, 0.002), (4.0, 0.002))])
 def test_a_lighter_machine_of_the_same_kind_does_not_mirror_the_sensors(rest_s: float, delay_s: float) -> None:
     """Encoder and torque turned round, a seventh of the gain, loads of -4 times left 0.7 of the error."""
     heavy = ttc.machines.tufting()
@@ -233,7 +234,7 @@ def plan_of(*points: tuple[float, float]) -> Callable[[float, float, np.random.G
 
 
 @pytest.mark.parametrize("mistakes", [("delay",), ("direction", "delay")])
-@pytest.mark.parametrize("seed", [100, 101, 102, 103])
+@pytest.mark.parametrize("seed", [100, *more(101, 102, 103)])
 def test_a_delay_in_a_steep_run_up_does_not_mirror_the_machine(
     mistakes: tuple[str, ...], seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:

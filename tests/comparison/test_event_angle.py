@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from tests.campaign import more
 from textile_twin_core.comparison.event_angle import BesideEvent, EventAngle, event_angle
 
 _REACH_RAD = math.radians(10.0)
@@ -24,7 +25,7 @@ def _found(true_rad: float, samples: int, noise_Nm: float, seed: int) -> EventAn
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("samples", [400, 15])
+@pytest.mark.parametrize("samples", [15, *more(400)])
 def test_the_interval_holds_truth_and_value(samples: int) -> None:
     """400 samples are nine to a step of the grid, 15 a third of one.
 

@@ -8,13 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.campaign import more
 from tests.generators.mill_recordings import healthy, record
 from tests.generators.told_machine import told_machine
 from textile_twin_core.comparison import Readings, assess, calibrate
 from textile_twin_core.comparison.range_ends import at_range_ends
 
 
-@pytest.mark.parametrize(("machine", "largest_Nm"), [("tufting", 15.0), ("tufting", 10.0), ("loom", 3.0)])
+@pytest.mark.parametrize(("machine", "largest_Nm"), [("loom", 3.0), *more(("tufting", 15.0), ("tufting", 10.0))])
 def test_a_torque_that_is_cut_off_accuses_nobody(machine: str, largest_Nm: float) -> None:
     case = healthy(machine, 977, duration_s=24.0)
     made = record(replace(case, torque=replace(case.torque, gain=1.04, delay_s=0.002)))

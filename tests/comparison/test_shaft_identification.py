@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.campaign import more
 from tests.generators.elastic_shaft import TURN, Record, WideMachine, simulate
 from tests.twin.test_elastic_session import declared
 from textile_twin_core.cli.main import main
@@ -66,7 +67,7 @@ def far_angle(made: Record) -> np.ndarray:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("second", [False, True])
+@pytest.mark.parametrize("second", [True, *more(False)])
 def test_shaft_and_drive_are_found_from_ten_percent_below(second: bool) -> None:
     wide = WideMachine(0.06)
     made = simulate(wide, 300.0, 4.0, settle_s=1.0, seed=5)

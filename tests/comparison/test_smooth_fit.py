@@ -66,6 +66,7 @@ def test_errors_of_the_acceleration_do_not_become_inertia(errors: str) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.campaign
 def test_the_interval_holds_the_truth_as_often_as_it_says() -> None:
     inside = []
     for seed in range(2, 14):

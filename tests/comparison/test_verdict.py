@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.campaign import more
 from tests.generators.mill_recordings import Case, MillRecording, healthy, mistaken, record
 from tests.generators.told_machine import told_machine
 from textile_twin_core.comparison import Assessment, Readings, assess, calibrate, identify
@@ -119,12 +120,13 @@ def test_at_one_speed_zero_and_delay_are_one() -> None:
 
 
 @pytest.mark.slow
-def test_an_angle_in_degrees_that_never_begins_anew_is_seen_by_its_torque() -> None:
+@pytest.mark.parametrize(
+    ("ratio", "causes"), [(1.0, ["angle_unit"]), *more((1.0 / 3.0, ["angle_unit", "encoder_ratio"]))]
+)
+def test_an_angle_in_degrees_that_is_not_wrapped_is_seen_by_its_torque(ratio: float, causes: list[str]) -> None:
     case = healthy("loom", 905, run_up=False, duration_s=12.0)
-    case = replace(case, encoder=replace(case.encoder, turn=360.0, wrapped=False))
-    assert judged(case).verdict[0].cause == "angle_unit"
-    case = replace(case, encoder=replace(case.encoder, ratio=1.0 / 3.0))
-    assert [cause.cause for cause in judged(case).verdict[:2]] == ["angle_unit", "encoder_ratio"]
+    case = replace(case, encoder=replace(case.encoder, turn=360.0, wrapped=False, ratio=ratio))
+    assert [cause.cause for cause in judged(case).verdict[: len(causes)]] == causes
 
 
 @pytest.mark.parametrize(("turns", "noted"), [(1.5, False), (4.0, True)])
@@ -136,14 +138,15 @@ def test_an_angle_that_begins_anew_once_is_not_noted_as_another_unit(turns: floa
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("machine", ["tufting", "loom"])
-def test_another_machine_is_not_taken_for_another_unit(machine: str) -> None:
-    """Of an angle that never begins anew, for which other units are tried."""
-    for run_up in (True, False):
-        case, _ = mistaken(machine, ("other_machine",), 1, run_up=run_up, duration_s=12.0)
-        case = replace(case, encoder=replace(case.encoder, wrapped=False))
-        names = [cause.cause for cause in judged(case).verdict]
-        assert names[0] == "other_machine" and "angle_unit" not in names
+@pytest.mark.parametrize(
+    ("machine", "run_up"), [("loom", False), *more(("loom", True), ("tufting", False), ("tufting", True))]
+)
+def test_another_machine_is_not_taken_for_another_unit(machine: str, run_up: bool) -> None:
+    """The angle is not wrapped, so that other units are tried."""
+    case, _ = mistaken(machine, ("other_machine",), 1, run_up=run_up, duration_s=12.0)
+    case = replace(case, encoder=replace(case.encoder, wrapped=False))
+    names = [cause.cause for cause in judged(case).verdict]
+    assert names[0] == "other_machine" and "angle_unit" not in names
 
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")
@@ -156,7 +159,7 @@ def test_a_load_without_effect_is_left_as_it_is(force_N: float) -> None:
     assert not any(cause.cause == "load_force" for cause in found.verdict)
 
 
-@pytest.mark.parametrize("noise", [True, False])
+@pytest.mark.parametrize("noise", [True, *more(False)])
 def test_settings_that_explain_nothing_are_not_told(noise: bool) -> None:
     case = healthy("tufting", 909, duration_s=15.0)
     case = replace(case, encoder=replace(case.encoder, ratio=5.0 / 3.0))

@@ -291,6 +291,7 @@ def test_without_the_token_there_is_nothing_and_the_end_of_the_server_is_said() 
 
 
 @pytest.mark.slow
+@pytest.mark.campaign
 def test_page_left_open_comes_back_from_lost_connections_and_sleep_and_uses_no_more_memory() -> None:
     """Run the short form of `python -m tests.explore.soak`."""
     memory = list(soak(minutes=10.0, moves=10, names=("elliptic_gear_beatup",), rounds=3))

@@ -28,6 +28,7 @@ def test_places_torque_and_joint_forces_are_those_of_the_dense_equations(kind: s
 
 
 @pytest.mark.slow
+@pytest.mark.campaign
 def test_two_hundred_machines() -> None:
     for seed in range(200):
         check(KINDS[seed % len(KINDS)], 100 + seed)

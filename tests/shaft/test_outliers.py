@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.campaign import more
 from tests.shaft.kinds import make
 from tests.shaft.shaft_motion import rippling
 from textile_twin_core.shaft import ESTIMATORS, ShaftStates, create_estimator
@@ -14,7 +15,7 @@ HARD = (12, 17, 23, 43, 46, 187, 218, 237, 290, 317)
 
 
 @pytest.mark.parametrize("view", ESTIMATORS)
-@pytest.mark.parametrize("seed", [*HARD, *range(2000, 2010)])
+@pytest.mark.parametrize("seed", [*HARD[:4], *more(*HARD[4:], *range(2000, 2010))])
 def test_a_settled_speed_is_never_off_by_half(view: str, seed: int) -> None:
     record = make("coarse+3%", seed)
     estimator = create_estimator(view)
