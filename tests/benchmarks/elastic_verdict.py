@@ -21,7 +21,7 @@ from tests.generators.elastic_shaft import Record, WideMachine, simulate
 from tests.generators.mill_recordings import Encoder, TorqueSensor, healthy, record
 from tests.generators.told_machine import told_machine
 from textile_twin_core.comparison import Readings, assess
-from textile_twin_core.comparison.assess import configured_settings, gather
+from textile_twin_core.comparison.assessment import configured_settings, gather
 from textile_twin_core.comparison.elastic_hypothesis import elastic_hypothesis
 from textile_twin_core.comparison.readings import angle_unit
 from textile_twin_core.comparison.torque_terms import TorqueTerms

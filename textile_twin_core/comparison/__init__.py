@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-from textile_twin_core.comparison.assess import Assessment, assess
-from textile_twin_core.comparison.by_angle import AngleBins, RevolutionErrors, RunningAngleBins
-from textile_twin_core.comparison.calibrate import Calibration, calibrate
-from textile_twin_core.comparison.compare import compare_torque
-from textile_twin_core.comparison.delay import SensorFit
-from textile_twin_core.comparison.identified_machine import with_table
-from textile_twin_core.comparison.identify import Identification, identify
-from textile_twin_core.comparison.readings import Readings
-from textile_twin_core.comparison.result import Comparison, ComparisonEvent, SampleCount
-from textile_twin_core.comparison.statistics import ErrorStatistics
-from textile_twin_core.comparison.summary import is_as_told, summary_rows, verdict_lines
-from textile_twin_core.comparison.uncertainty import Estimate
-from textile_twin_core.comparison.verdict import Cause
-from textile_twin_core.errors import AlignmentError
+from typing import TYPE_CHECKING
+
+from textile_twin_core.lazy import listing_of, names_of
+
+if TYPE_CHECKING:
+    from textile_twin_core.comparison.assessment import Assessment, assess
+    from textile_twin_core.comparison.by_angle import AngleBins, RevolutionErrors, RunningAngleBins
+    from textile_twin_core.comparison.calibration import Calibration, calibrate
+    from textile_twin_core.comparison.compare import compare_torque
+    from textile_twin_core.comparison.delay import SensorFit
+    from textile_twin_core.comparison.identified_machine import with_table
+    from textile_twin_core.comparison.identification import Identification, identify
+    from textile_twin_core.comparison.readings import Readings
+    from textile_twin_core.comparison.result import Comparison, ComparisonEvent, SampleCount
+    from textile_twin_core.comparison.statistics import ErrorStatistics
+    from textile_twin_core.comparison.summary import is_as_told, summary_rows, verdict_lines
+    from textile_twin_core.comparison.uncertainty import Estimate
+    from textile_twin_core.comparison.verdict import Cause
 
 __all__ = [
-    "AlignmentError",
     "AngleBins",
     "Assessment",
     "Calibration",
@@ -42,3 +45,33 @@ __all__ = [
     "verdict_lines",
     "with_table",
 ]
+
+# Each name is imported on first use, so that nodes and commands start without what they do not need.
+__dir__ = listing_of(__all__)
+__getattr__ = names_of(
+    __name__,
+    {
+        "AngleBins": "by_angle",
+        "Assessment": "assessment",
+        "Calibration": "calibration",
+        "Cause": "verdict",
+        "Comparison": "result",
+        "ComparisonEvent": "result",
+        "ErrorStatistics": "statistics",
+        "Estimate": "uncertainty",
+        "Identification": "identification",
+        "Readings": "readings",
+        "RevolutionErrors": "by_angle",
+        "RunningAngleBins": "by_angle",
+        "SampleCount": "result",
+        "SensorFit": "delay",
+        "assess": "assessment",
+        "calibrate": "calibration",
+        "compare_torque": "compare",
+        "identify": "identification",
+        "is_as_told": "summary",
+        "summary_rows": "summary",
+        "verdict_lines": "summary",
+        "with_table": "identified_machine",
+    },
+)

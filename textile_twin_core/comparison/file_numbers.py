@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any
 
-from textile_twin_core.comparison.assess import assess
+from textile_twin_core.comparison.assessment import assess
 from textile_twin_core.comparison.readings import Readings
 from textile_twin_core.comparison.result import plain
 from textile_twin_core.comparison.stage import Begin, unheard

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from textile_twin_core.arrays import FloatArray, IntArray
-from textile_twin_core.comparison.assess import configured_settings
+from textile_twin_core.comparison.assessment import configured_settings
 from textile_twin_core.comparison.fault_band import SERIES
 from textile_twin_core.comparison.fault_signatures import FEWEST_TORQUES_PER_TURN, KINDS, TurnFeatures, turn_features
 from textile_twin_core.comparison.fault_watch import Alarm, FaultWatch, WatchSettings

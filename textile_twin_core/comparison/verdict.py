@@ -24,7 +24,7 @@ from textile_twin_core.inference.posterior import IMPLAUSIBLE_NATS
 from textile_twin_core.inference.torque_units import nearest_gain
 
 if TYPE_CHECKING:
-    from textile_twin_core.comparison.assess import Judged
+    from textile_twin_core.comparison.assessment import Judged
 
 FEWEST_ANGLES = 16.0
 """Angle samples a turn below which the orders that carry torque are not seen."""

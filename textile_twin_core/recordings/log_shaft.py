@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
+import scipy
 
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.errors import RecordingError
@@ -34,8 +34,8 @@ def tooth_edges(time_s: FloatArray, volts: FloatArray) -> FloatArray:
     if found.size > _FEWEST_EDGES:
         cutoff = _PASSED / float(np.median(np.diff(_apart(found))))
         if cutoff < 0.4 * rate:
-            low_pass = butter(2, cutoff, fs=rate, output="sos")
-            found = _rising(time_s, np.asarray(sosfiltfilt(low_pass, wave)))
+            low_pass = scipy.signal.butter(2, cutoff, fs=rate, output="sos")
+            found = _rising(time_s, np.asarray(scipy.signal.sosfiltfilt(low_pass, wave)))
     if found.size < _FEWEST_EDGES:
         raise RecordingError(f"only {found.size} teeth pass the pickup: is that its column, and does the shaft turn?")
     return _apart(found)

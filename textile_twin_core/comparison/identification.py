@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray
-from textile_twin_core.comparison.assess import Judged, assess
+from textile_twin_core.comparison.assessment import Judged, assess
 from textile_twin_core.comparison.event_angle import BesideEvent, EventAngle, event_angle
 from textile_twin_core.comparison.evidence import Evidence
 from textile_twin_core.comparison.identifiable import NotIdentifiable, identifiable

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from textile_twin_core.comparison.assess import Assessment, Judged, assess, hypothesis_of
+from textile_twin_core.comparison.assessment import Assessment, Judged, assess, hypothesis_of
 from textile_twin_core.comparison.readings import Readings
 from textile_twin_core.comparison.result import plain
 from textile_twin_core.comparison.shaft_track import TURN
