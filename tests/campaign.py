@@ -10,4 +10,5 @@ from _pytest.mark import ParameterSet
 
 def more(*values: Any) -> list[ParameterSet]:
     """Mark values (a tuple: several arguments) as a part of the campaign."""
-    return [pytest.param(*(each if isinstance(each, tuple) else (each,)), marks=pytest.mark.campaign) for each in values]
+    mark = pytest.mark.campaign
+    return [pytest.param(*(each if isinstance(each, tuple) else (each,)), marks=mark) for each in values]

@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from textile_twin_core.comparison.calibration import Calibration, calibrate
     from textile_twin_core.comparison.compare import compare_torque
     from textile_twin_core.comparison.delay import SensorFit
-    from textile_twin_core.comparison.identified_machine import with_table
     from textile_twin_core.comparison.identification import Identification, identify
+    from textile_twin_core.comparison.identified_machine import with_table
     from textile_twin_core.comparison.readings import Readings
     from textile_twin_core.comparison.result import Comparison, ComparisonEvent, SampleCount
     from textile_twin_core.comparison.statistics import ErrorStatistics
