@@ -15,7 +15,7 @@ def wander(rng: np.random.Generator, n: int, dt_s: float, time_s: float, size: f
 
 
 def steps(rng: np.random.Generator, n: int, dt_s: float, rate_hz: float, size: float) -> np.ndarray:
-    """(n,) a level that leaps at random times to a new normal value; a leap takes one step of the grid."""
+    """(n,) a level with steps at random times to a new normal value; a step takes one interval of the grid."""
     leaps = rng.random(n) < rate_hz * dt_s
     levels = rng.normal(0.0, size, int(leaps.sum()) + 1)
     return np.asarray(levels[np.cumsum(leaps)])

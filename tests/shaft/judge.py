@@ -1,4 +1,4 @@
-"""Holds shaft states against the truth: errors and sigmas of the states and of the torque that follows from them."""
+"""Comparison of shaft states with the truth: errors and sigmas of the states and of the resulting torque."""
 
 from __future__ import annotations
 

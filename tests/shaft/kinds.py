@@ -1,7 +1,7 @@
 """Kinds of shaft recordings with known truth, by seed: what mills and test benches deliver, without one machine's form.
 
-`make(kind, seed)` gives a record; a name that ends in `+1%` or `+3%` is that kind with so many readings half a radian
-off. The parameters of a kind (speed, noise, disturbance, ripple, start) vary with the seed.
+`make(kind, seed)` gives a record; a name that ends in `+1%` or `+3%` is that kind with this share of readings half a
+radian off. The parameters of a kind (speed, noise, disturbance, ripple, start) vary with the seed.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class Record:
 
     Attributes:
         kind, seed: what it was made from.
-        time_s: (n,) stamps as told.
+        time_s: (n,) reported stamps.
         angle_rad: (n,) readings, unwrapped.
         wrapped: whether the estimator gets them wrapped.
         theta, omega, alpha: (n,) the truth at the stamps.
@@ -72,7 +72,7 @@ def _sampled(
 
 
 def _begun_late(record: Record, rng: np.random.Generator) -> Record:
-    """Without up to a quarter of its beginning: one starts to listen at any moment of the motion."""
+    """Drop up to a quarter of the beginning: recording starts at any moment of the motion."""
     cut = slice(int(rng.uniform(0.0, 0.25) * record.time_s.size), None)
     names = ("time_s", "angle_rad", "theta", "omega", "alpha")
     return replace(record, **{name: getattr(record, name)[cut] for name in names})
@@ -137,7 +137,7 @@ def teeth(rng: np.random.Generator, seed: int) -> Record:
 
 
 def pitch(rng: np.random.Generator, seed: int) -> Record:
-    """As `teeth`, with pitch errors of 0.08 degrees RMS."""
+    """Toothed wheel as `teeth`, with pitch errors of 0.08 degrees RMS."""
     return _teeth(rng, seed, np.deg2rad(0.08))
 
 
@@ -160,7 +160,7 @@ def _teeth(rng: np.random.Generator, seed: int, pitch_rad: float) -> Record:
 
 
 def standstill(rng: np.random.Generator, seed: int) -> Record:
-    """12 bits at 500 Hz: at rest with a flicker of one step, a short run at 30 to 200 rpm, at rest again."""
+    """12 bits at 500 Hz: standstill with a flicker of one step, a short run at 30 to 200 rpm, standstill again."""
     dt, n = 2e-4, 35_001
     speed = rng.uniform(30.0, 200.0) * TURN / 60.0
     target = np.interp(np.arange(n) * dt, [3.0, 3.4, 4.6, 5.0], [0.0, speed, speed, 0.0])
@@ -171,7 +171,7 @@ def standstill(rng: np.random.Generator, seed: int) -> Record:
 
 
 def runs(rng: np.random.Generator, seed: int) -> Record:
-    """Runs, run-downs and rests of up to 6 s, reversals; 100 Hz to 1 kHz, 10 bits or more or not rounded."""
+    """Runs, run-downs and standstills of up to 6 s, reversals; 100 Hz to 1 kHz, 10 bits or more or not rounded."""
     rate, dt, n = rng.choice((100.0, 250.0, 500.0, 1000.0)), 2e-4, 150_001
     top, level, clock, time = rng.uniform(3.0, 40.0), 0.0, rng.uniform(0.0, 3.0), np.arange(n) * dt
     target = np.zeros(n)

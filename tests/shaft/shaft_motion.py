@@ -39,7 +39,7 @@ class ShaftMotion:
 
     @classmethod
     def solve(cls, law: Law, theta0: float) -> ShaftMotion:
-        """From theta0 at the target's speed."""
+        """Solve the motion from theta0 at the target's speed."""
         return cls(law, *_solve(law, theta0))
 
     @property

@@ -15,7 +15,7 @@ RATE_HZ, STEP_RAD = 50.0, 2.0 * np.pi / 42
 
 
 def _drive(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Stamps, readings and speeds of a wheel of 42 ticks a turn that is at one speed or at rest, for 1 to 2 s each."""
+    """Stamps, readings and speeds of a wheel of 42 ticks a turn that runs at one speed or stands, for 1 to 2 s each."""
     rng = np.random.default_rng(seed)
     tops = [top for _ in range(25) for top in (rng.uniform(15.0, 30.0), 0.0)]
     speed = np.concatenate([np.full(rng.integers(50, 100), top) for top in tops])
@@ -24,14 +24,14 @@ def _drive(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return np.arange(speed.size) / RATE_HZ, np.round(angle[first::20] / STEP_RAD) * STEP_RAD, speed
 
 
-def test_a_start_within_a_reading_is_followed_sooner_where_no_outliers_came() -> None:
-    """With two readings rejected each time the speed is 1.9 times as far off as the textbook's, with one 1.5 times."""
+def test_a_start_within_a_reading_is_followed_sooner_in_a_clean_record() -> None:
+    """Two rejected readings at each start give 1.9 times the textbook's error of the speed, one gives 1.5 times."""
     assert np.median([_beside_the_textbook("causal", seed) for seed in range(8)]) < 1.15
 
 
 @pytest.mark.parametrize("view", ["lag", "smooth"])
-def test_a_start_that_was_believed_at_once_is_smoothed_as_one(view: str) -> None:
-    """Where its first reading stays set aside the speed is 2.5 times as far off as the textbook's."""
+def test_a_start_accepted_at_once_is_smoothed_as_a_start(view: str) -> None:
+    """A start whose first reading stays rejected has 2.5 times the textbook's error of the speed."""
     assert np.median([_beside_the_textbook(view, seed) for seed in range(8)]) < 1.1
 
 
@@ -46,8 +46,8 @@ def _beside_the_textbook(view: str, seed: int) -> float:
 
 @pytest.mark.parametrize("size", [0.5, 0.8, 2.0])
 @pytest.mark.parametrize("seed", range(4))
-def test_an_outlier_after_starts_and_stops_is_believed_for_one_reading_at_most(seed: int, size: float) -> None:
-    """After them an even speed with 2 % of wrong readings: at most one is, unsettled; the next takes that back."""
+def test_an_outlier_after_starts_and_stops_is_accepted_for_one_reading_at_most(seed: int, size: float) -> None:
+    """After starts and stops, 2 % outliers at an even speed: at most one is accepted, unsettled, and then revoked."""
     rng = np.random.default_rng(seed)
     _, before, _ = _drive(seed)
     time = np.arange(before.size + 3000) / RATE_HZ
@@ -65,15 +65,15 @@ def test_an_outlier_after_starts_and_stops_is_believed_for_one_reading_at_most(s
 @pytest.mark.parametrize("after", [300, 1])
 @pytest.mark.parametrize("size", [0.5, -0.8])
 @pytest.mark.parametrize("view", ["lag", "smooth"])
-def test_an_outlier_that_was_believed_does_nothing_to_smoothed_states(view: str, size: float, after: int) -> None:
-    """Whether more readings follow or none."""
+def test_an_accepted_outlier_leaves_smoothed_states_unchanged(view: str, size: float, after: int) -> None:
+    """The result is the same with readings after the outlier and without."""
     time, readings, clean, at = _believed(20.0 / RATE_HZ * np.arange(1, 150 + after), size, 149)
     found, truth = (_states(view, time, each) for each in (readings, clean))
     assert np.abs(found.omega_rad_s - truth.omega_rad_s)[truth.index > at - 50].max() < 0.5
 
 
 @pytest.mark.parametrize("view", ["lag", "smooth"])
-def test_an_outlier_that_was_believed_is_smoothed_at_the_ripples_own_angle(view: str) -> None:
+def test_an_accepted_outlier_is_smoothed_at_the_ripples_own_angle(view: str) -> None:
     angle = rippling(20.0 / RATE_HZ * np.arange(1, 3001), 20.0, 0.0, -0.25)[0]
     time, readings, clean, at = _believed(angle, -1.2, 2100)
     found, truth = (_states(view, time, each) for each in (readings, clean))
@@ -103,7 +103,7 @@ def _believed(angle: np.ndarray, size: float, at: int) -> tuple[np.ndarray, np.n
 
 
 @pytest.mark.parametrize("view", ["causal", "lag", "smooth"])
-def test_what_was_believed_and_taken_back_is_counted_once(view: str) -> None:
+def test_a_revoked_manoeuvre_is_counted_once(view: str) -> None:
     """Samples one by one, among them one that repeats a stamp and one that is no number, right after an outlier."""
     time, readings, _ = _drive(5)
     wrong = np.arange(400, time.size, 211)
@@ -129,8 +129,8 @@ def _states(view: str, time: np.ndarray, readings: np.ndarray) -> ShaftStates:
     return ShaftStates.join([part for part in parts if len(part)])
 
 
-def test_two_outliers_that_grow_are_believed_once_at_most() -> None:
-    """Where none came for long: the speed is as it was some readings later, and was not called settled before."""
+def test_two_growing_outliers_are_accepted_once_at_most() -> None:
+    """Two growing outliers after a long clean record: the speed recovers within some readings, unsettled until then."""
     time = np.arange(2000) / RATE_HZ
     readings = np.round(20.0 * time / STEP_RAD) * STEP_RAD
     readings[1000] += 0.3
@@ -144,7 +144,7 @@ def test_two_outliers_that_grow_are_believed_once_at_most() -> None:
 
 @pytest.mark.parametrize("seed", range(6))
 def test_a_soft_stop_after_a_wrong_reading_is_settled_only_when_it_is_right(seed: int) -> None:
-    """7 samples a turn: one more reading is refused since the wrong one, and the speed overshoots by a tenth."""
+    """7 samples a turn: after the outlier one more reading is rejected, and the speed overshoots by a tenth."""
     rng, full, count = np.random.default_rng(seed), TURN * 100.0 / 7.0, 1000
     time, wrong = np.arange(count) - 800.0 - rng.random(), 710
     ramp = np.clip(time / 8.0, 0.0, 1.0)
@@ -161,7 +161,7 @@ def test_a_soft_stop_after_a_wrong_reading_is_settled_only_when_it_is_right(seed
 @pytest.mark.parametrize("brake", [4.5, 6.0, 8.0, 8.5])
 @pytest.mark.parametrize("view", ["causal", "lag", "smooth"])
 def test_a_brake_that_holds_the_shaft_within_a_few_readings(view: str, brake: float) -> None:
-    """So many intervals from 200 rad/s to rest at 500 Hz: readings that stay are a shaft's that stands, not a bus's."""
+    """A brake of few intervals from 200 rad/s at 500 Hz: equal readings are a standstill here, not a bus dropout."""
     time, step = np.arange(700) / 500.0, TURN / 2**13
     turned = np.clip((time - 1.0) * 500.0, 0.0, brake) / 500.0
     theta = 200.0 * (np.minimum(time, 1.0) + turned - 0.5 * turned**2 * 500.0 / brake)

@@ -1,4 +1,4 @@
-"""How good the states are: torque errors, honest sigmas, any encoder and speed, on seeds that chose no constant."""
+"""Accuracy of the states: torque errors, sigmas, encoders and speeds, on seeds that no constant was tuned to."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ def test_torque_error(name: str, knocks: bool, allowed: float) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("knocks", [False, True])
 @pytest.mark.parametrize("name", ["causal", "lag", "smooth"])
-def test_sigmas_hold_the_truth_about_as_often_as_they_say(name: str, knocks: bool) -> None:
-    """68 % would be right; an error of the ripple lasts a whole record, and a knock's end is told cautiously."""
+def test_sigmas_contain_the_truth_about_as_often_as_stated(name: str, knocks: bool) -> None:
+    """The ideal is 68 %; an error of the ripple lasts a whole record, and the sigma after a knock is cautious."""
     found = [judged(name, seed, knocks) for seed in range(901, 909)]
     inside = np.mean([record.inside for record in found], axis=0)
     assert np.all((inside > 0.45) & (inside < 0.93)), inside
@@ -66,11 +66,11 @@ def test_coarse_encoders(name: str, bits: int, allowed: float) -> None:
     ("rpm", "rate_hz", "seconds"), [(10.0, 200.0, 20.0), (600.0, 1000.0, 4.0), (3000.0, 2000.0, 1.5)]
 )
 def test_speeds(name: str, rpm: float, rate_hz: float, seconds: float) -> None:
-    """The error of the acceleration against what leaving the ripple out would make of it."""
+    """Error of the acceleration relative to that of a model without ripple."""
     signal = make_signal(931, rpm=rpm, rate_hz=rate_hz, duration_s=seconds)
     found = judge(name, signal, after_s=seconds * 0.7)
     late = signal.time > seconds * 0.7
-    few_turns = 0.3 if rpm < 60.0 else 0.06  # three turns, in which the ripple is only just found
+    few_turns = 0.3 if rpm < 60.0 else 0.06  # three turns, in which the ripple has just converged
     assert np.sqrt(np.mean(found.errors[:, 2] ** 2)) < few_turns * np.sqrt(np.mean(signal.alpha[late] ** 2))
 
 
@@ -80,7 +80,7 @@ def test_a_drive_that_answers_faster_or_slower(knock_s: float) -> None:
     assert found.torque_rms < (0.012 if knock_s < 0.04 else 0.004)
 
 
-def test_more_orders_of_ripple_are_found_when_they_are_there() -> None:
+def test_more_orders_of_ripple_are_modelled_where_they_exist() -> None:
     ripple = ((1, 0.02, 0.7), (2, 0.01, 2.1), (3, 0.004, 0.3), (5, 0.003, 1.0))
     for name in ("causal", "smooth"):
         found = judge(name, make_signal(951, ripple=ripple, duration_s=8.0), after_s=5.0)
@@ -89,8 +89,8 @@ def test_more_orders_of_ripple_are_found_when_they_are_there() -> None:
         assert found.torque_rms < 2e-3
 
 
-def test_smooth_follows_the_ripple_of_a_load_that_leaps_each_turn() -> None:
-    """Orders that fall slowly, as a friction that sets in and lets go makes them."""
+def test_smooth_follows_the_ripple_of_a_load_with_steps_each_turn() -> None:
+    """Orders that fall slowly, as those of friction that sets in and ends each turn."""
     ripple = tuple((k, 0.02 / k**1.5, 0.7 * k) for k in range(1, 13))
     records = [judge("smooth", make_signal(seed, ripple=ripple)) for seed in (971, 972, 973, 974)]
     for found in records:

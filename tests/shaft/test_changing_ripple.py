@@ -1,4 +1,4 @@
-"""A ripple that is another at another speed, as that of a machine with gravity, load and a drive that gives way is."""
+"""A ripple that changes with the speed, as that of a machine with gravity, load and a drive with slip."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from textile_twin_core.shaft import create_estimator
 TURN = 2.0 * np.pi
 STEP = TURN / 2**14
 TAKES_S, AFTER_S = 3.0, 60.0
-"""For how long the machine takes to get to its other speed, and for how long it stays there."""
+"""Times that the machine takes to change its speed, and stays at the new speed."""
 
 
 def motion(seed: int, change_s: float) -> ShaftMotion:
@@ -45,37 +45,37 @@ def test_smooth_knows_each_parts_own_ripple(seed: int) -> None:
     assert beside_the_textbook("smooth", seed, 60.0, 80.0, 119.0) < 0.7
 
 
-def test_where_parts_meet_states_see_both() -> None:
+def test_states_near_a_boundary_use_both_parts() -> None:
     assert beside_the_textbook("smooth", 2, 60.0, 60.0, 119.0) < 0.4
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_live_the_new_ripple_is_found_soon(seed: int) -> None:
-    """However long the machine ran at the speed of before."""
+def test_the_causal_view_soon_estimates_the_new_ripple(seed: int) -> None:
+    """The time at the previous speed does not matter."""
     assert beside_the_textbook("causal", seed, 300.0, 310.0, 350.0) < 0.3
 
 
 @pytest.mark.parametrize(("view", "seed"), [("causal", 15), ("smooth", 15), ("smooth", 27)])
-def test_orders_that_only_the_change_had_are_given_up(view: str, seed: int) -> None:
-    """Fewer that foretell as well lead again."""
+def test_orders_of_the_change_alone_are_dropped(view: str, seed: int) -> None:
+    """A model of fewer orders that predicts as well leads again."""
     assert beside_the_textbook(view, seed, 60.0, 80.0, 119.0) < 0.2
 
 
 @pytest.mark.parametrize(("view", "most"), [("causal", 0.05), ("smooth", 0.12)])
 @pytest.mark.parametrize("seed", [6, 9, 16])
-def test_orders_that_are_known_need_no_second_proof(view: str, most: float, seed: int) -> None:
-    """Families begin from the leading one; where they have to find all orders anew it is .06 to .12, and .2 to .4."""
+def test_known_orders_are_taken_over(view: str, most: float, seed: int) -> None:
+    """Models start from the leading one; models that had to estimate all orders again gave .06 to .12, and .2 to .4."""
     assert beside_the_textbook(view, seed, 60.0, 80.0, 119.0) < most
 
 
-def test_fewer_orders_that_foretell_as_well_lead() -> None:
-    """Also while more orders are a little likelier: .011 where those went on to lead."""
+def test_fewer_orders_that_predict_as_well_lead() -> None:
+    """The same while more orders are slightly likelier: .011 where those continued to lead."""
     found = [beside_the_textbook("causal", seed, 60.0, 80.0, 119.0) for seed in (12, 16, 20)]
     assert np.exp(np.mean(np.log(found))) < 0.009
 
 
-def test_an_estimator_begins_anew_after_the_end() -> None:
-    """What was before leaves no trace, not even in where it looks at the ripple."""
+def test_an_estimator_restarts_after_the_end() -> None:
+    """An earlier record changes nothing, not even the samples at which the ripple is checked."""
     shaft, time = motion(1, 20.0), np.arange(1, 39_900) / 500.0
     read = np.round(shaft.at(time)[0] / STEP) * STEP
     told = {"resolution_rad": STEP, "stamp_jitter_s": 1e-6}
@@ -90,8 +90,8 @@ def test_an_estimator_begins_anew_after_the_end() -> None:
 
 @pytest.mark.parametrize("from_the_end", [1200, 3500])
 @pytest.mark.parametrize("seed", [1, 2, 5])
-def test_wild_readings_towards_the_end_cost_no_knowledge_of_the_ripple(seed: int, from_the_end: int) -> None:
-    """As good before them as where the recording ends there."""
+def test_outliers_towards_the_end_leave_the_ripple_known(seed: int, from_the_end: int) -> None:
+    """States before the outliers are as accurate as in a recording that ends there."""
     shaft, time = motion(seed, 30.0), np.arange(1, 14_000) / 500.0
     read, truth = np.round(shaft.at(time)[0] / STEP) * STEP, shaft.at(time)[2]
     spoilt = read.copy()
@@ -107,8 +107,8 @@ def test_wild_readings_towards_the_end_cost_no_knowledge_of_the_ripple(seed: int
 
 
 @pytest.mark.parametrize("seed", [13, 30])
-def test_a_chain_of_fewer_orders_than_led_knows_how_long_it_remembers(seed: int) -> None:
-    """Ripple by angle, and a vibration by time that more orders than are there take up: the chain must not.
+def test_a_smoother_of_fewer_orders_has_its_own_memory(seed: int) -> None:
+    """Ripple by angle, and a vibration by time that spurious orders would absorb: the smoother must not.
 
     At the long memory of those it lost the shaft for some dozens of readings, off by more than all the acceleration.
     """
@@ -130,8 +130,8 @@ def test_a_chain_of_fewer_orders_than_led_knows_how_long_it_remembers(seed: int)
 
 
 @pytest.mark.parametrize(("view", "most"), [("causal", 0.1), ("smooth", 0.2)])
-def test_no_family_leads_for_long_with_a_ripple_that_was(view: str, most: float) -> None:
-    """All that led before had it, and were as good as each other with memories of a few samples: 0.5 to 0.8."""
+def test_no_model_leads_for_long_with_a_past_ripple(view: str, most: float) -> None:
+    """All earlier leading models had it, and equal likelihoods at memories of a few samples: 0.5 to 0.8."""
     *others, worst = sorted(beside_the_textbook(view, seed, 30.0, 53.0, 88.0) for seed in (0, 1, 3, 4, 6, 8))
     assert max(others) < most
     assert worst < 0.5

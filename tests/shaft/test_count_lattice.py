@@ -29,7 +29,7 @@ def logged(theta: FloatArray, counts: int, turn: float, decimals: int, wrapped: 
 
 
 def is_shown(counts: int, turn: float, decimals: int) -> bool:
-    """Whether rounding leaves the counts visible: it covers less than two thirds of a count, and is not the count."""
+    """Return whether rounding leaves the counts visible: less than two thirds of a count, and not the count itself."""
     unit, count = 10.0**-decimals, turn / counts
     finer = 1 if turn == TURN else 10**7
     whole = abs(count * finer - round(count * finer)) < 1e-9 and round(count * finer) in [10**k for k in range(8)]
@@ -38,7 +38,7 @@ def is_shown(counts: int, turn: float, decimals: int) -> bool:
 
 @pytest.mark.parametrize("counts", COUNTS)
 @pytest.mark.parametrize("unit", UNITS)
-def test_counts_are_named(counts: int, unit: str) -> None:
+def test_counts_are_estimated(counts: int, unit: str) -> None:
     turn = UNITS[unit]
     for decimals, (speed, wrapped) in zip(
         (2, 3, 4, 5, 6), ((6.0, True), (60.0, True), (13.7, False)) * 2, strict=False
@@ -55,7 +55,7 @@ def test_counts_are_named(counts: int, unit: str) -> None:
 
 @pytest.mark.parametrize("unit", UNITS)
 @pytest.mark.parametrize("decimals", [2, 3, 4, 5, 6])
-def test_none_are_named_where_there_are_none(unit: str, decimals: int) -> None:
+def test_unrounded_readings_have_no_counts(unit: str, decimals: int) -> None:
     for speed in (6.0, 13.7, 60.0, TURN * 500.0 / 125.0):  # the last has 125 readings a turn
         angle = logged(motion(speed, 768)[1], 0, UNITS[unit], decimals)
         assert count_lattice(np.unwrap(angle), UNITS[unit]) is None

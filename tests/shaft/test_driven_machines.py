@@ -1,4 +1,4 @@
-"""The shafts of the published machines under a motor with slip: great ripple, and torque that jumps."""
+"""The shafts of the published machines under a motor with slip: large ripple, and torque with steps."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def _slipping(speed: float, torque_per_slip: float, load: float) -> Callable[[fl
 
 
 def _errors(name: str, flywheel: float, bits: int, rate: float, seed: int, view: str, after_s: float) -> Errors:
-    """Of a record from the time `after_s` on; stamps are wrong by 20 us."""
+    """Return the errors of a record from the time `after_s` on; stamps have errors of 20 us."""
     speed, slip, load = {"tufting": (16.8, 2.0, 4.0), "handloom_beatup": (10.5, 1.0, 0.0)}[name]
     machine = tt.machines.create(name)
     machine = dataclasses.replace(machine, bodies=(*machine.bodies, Body.flywheel(flywheel)))
@@ -48,15 +48,17 @@ def _rms(errors: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("seed", [2, 3])
 @pytest.mark.parametrize(("view", "most"), [("causal", 0.15), ("smooth", 0.4)])
 def test_a_speed_that_ripples_by_a_fifth(view: str, most: float, seed: int) -> None:
-    """Of the hand loom: three times what a first guess of its orders is; else .5 and .5 of the textbook's."""
+    """Hand loom: three times the prior of its orders; the smaller prior alone gave .5 and .5 of the textbook's."""
     ours, book, _ = _errors("handloom_beatup", 0.05, 13, 500.0, seed, view, 15.0)
     assert _rms(ours)[1] < most * _rms(book)[1]
 
 
 @pytest.mark.parametrize(("view", "most"), [("causal", (0.25, 0.45)), ("smooth", (0.9, 1.0))])
 @pytest.mark.parametrize(("bits", "rate", "flywheel"), [(12, 500.0, 0.4), (13, 500.0, 1.0), (14, 1000.0, 0.4)])
-def test_the_needles_force_jumps(bits: int, rate: float, flywheel: float, view: str, most: tuple[float, float]) -> None:
-    """Of the tufting machine: orders without end. What is not modelled of them is in the sigmas."""
+def test_steps_of_the_needles_force(
+    bits: int, rate: float, flywheel: float, view: str, most: tuple[float, float]
+) -> None:
+    """Tufting machine: orders without end; those beyond the model are in the sigmas."""
     ours, book, sigmas = _errors("tufting", flywheel, bits, rate, 1, view, 10.0)
     assert np.all(_rms(ours) < np.array(most) * _rms(book))
     inside = np.mean(np.abs(ours) < sigmas, axis=0)

@@ -1,4 +1,4 @@
-"""Few samples a turn in coarse steps, with wild readings: the step is found, the ripple is told, the sigmas hold."""
+"""Few samples a turn in coarse steps, with outliers: the step and the ripple are estimated, the sigmas hold."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from textile_twin_core.shaft import ShaftStates, create_estimator
 from textile_twin_core.shaft.encoder import encoder_step
 
 LATE = 0.15
-"""Part of a record in which estimators learn."""
+"""Part of a record in which estimators adapt."""
 
 
 @pytest.mark.parametrize("seed", [31, 35, 39])
-def test_the_step_is_found_beside_wild_readings(seed: int) -> None:
+def test_the_step_is_estimated_beside_outliers(seed: int) -> None:
     """One degree; of the first 24 readings up to two are half a radian off."""
     record = make("coarse+3%", seed)
     step = encoder_step(record.time_s[:24], record.fed_rad[:24])
     assert step == pytest.approx(np.deg2rad(1.0), rel=1e-9)
 
 
-def test_the_step_of_a_shaft_at_rest_is_not_what_wild_readings_have_in_common() -> None:
+def test_outliers_do_not_define_the_step_of_a_shaft_at_standstill() -> None:
     record = make("standstill+3%", 9)
     estimator = create_estimator("causal")
     estimator.step(record.time_s, record.fed_rad)
@@ -37,7 +37,7 @@ def test_no_step_where_readings_are_not_rounded() -> None:
 
 
 def test_an_even_speed_that_stops_is_no_step() -> None:
-    """A simulated shaft, or one whose stamps are exact: what it turns from sample to sample is the same for long."""
+    """A simulated shaft, or exact stamps: moves from sample to sample are equal for long."""
     sample = np.arange(768.0)
     for brake in (20.6, 61.0, 120.6):
         gone = np.clip((sample - 480.0) / brake, 0.0, 1.0)
@@ -46,7 +46,7 @@ def test_an_even_speed_that_stops_is_no_step() -> None:
 
 
 def test_edges_of_teeth_are_not_rounded_and_sampling_nearly_in_step_is() -> None:
-    """Edges: a gap of teeth takes longer, also where every second tooth is heard; sampling: a skipped step does not."""
+    """Edges: a gap of teeth takes longer, also where every second tooth is fed; sampling: a skipped step does not."""
     tooth = np.arange(400)
     heard = tooth[tooth % 60 < 57]
     for edges in (heard, heard[::2]):
@@ -60,7 +60,7 @@ def test_edges_of_teeth_are_not_rounded_and_sampling_nearly_in_step_is() -> None
             assert encoder_step(time[heard], readings[heard]) == pytest.approx(0.002, rel=1e-9)
 
 
-def test_ripple_is_told_at_seven_samples_a_turn() -> None:
+def test_ripple_is_estimated_at_seven_samples_a_turn() -> None:
     """The textbook's smoother, its noises tuned on the record, takes ripple for noise. Half the records have little."""
     ratios, inside = [], []
     for seed in range(100, 132):
@@ -79,7 +79,7 @@ def test_ripple_is_told_at_seven_samples_a_turn() -> None:
 
 @pytest.mark.parametrize(("orders", "samples"), [(3, 7.3), (3, 11.7), (4, 10.2), (4, 13.9), (6, 16.3), (6, 25.3)])
 @pytest.mark.parametrize("view", ["causal", "smooth"])
-def test_as_many_orders_of_ripple_are_told_as_the_samples_resolve(view: str, orders: int, samples: float) -> None:
+def test_as_many_orders_of_ripple_are_estimated_as_the_samples_resolve(view: str, orders: int, samples: float) -> None:
     """A controller at 100 Hz, 14 bits: speed and acceleration beside the textbook's, which takes ripple for noise.
 
     As ripple of two orders 0.3 to 5 times as much where the ripple has three or more.
@@ -135,7 +135,7 @@ def test_filters_stay_finite_while_the_orders_change() -> None:
 
 
 def test_a_wrapped_angle_does_not_run_away() -> None:
-    """Of a record in which wild readings fall on a stop: a speed of more than half a period a sample is none."""
+    """A record with outliers at a stop: a speed of more than half a period a sample is ambiguous."""
     record = make("coarse+3%", 23)
     states = create_estimator("causal").step(record.time_s, record.fed_rad)
     error = np.abs(states.omega_rad_s - record.omega[states.index])
@@ -143,8 +143,8 @@ def test_a_wrapped_angle_does_not_run_away() -> None:
 
 
 @pytest.mark.parametrize("view", ["causal", "smooth"])
-def test_what_a_long_record_tells_of_ripple_is_not_overrated(view: str) -> None:
-    """Stamps wrong by 20 us, 14 exact readings a turn, four orders: each coefficient is off for the whole record."""
+def test_the_ripple_of_a_long_record_is_not_overrated(view: str) -> None:
+    """Stamps wrong by 20 us, 14 exact readings a turn, four orders: a coefficient's error lasts the whole record."""
     inside = []
     for seed in range(8):
         rng, count = np.random.default_rng([seed, 3]), 85_000

@@ -1,4 +1,4 @@
-"""A network or a disk that pauses: what the motion was before tells it after."""
+"""A network or a disk that pauses: the motion before predicts the motion after."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from textile_twin_core.shaft import ShaftStates, create_estimator
 
 @pytest.mark.parametrize("view", ["causal", "lag", "smooth"])
 @pytest.mark.parametrize("pause_s", [0.12, 0.3, 0.7])
-def test_an_even_shaft_goes_on_over_pauses(view: str, pause_s: float) -> None:
-    """Once a second: the ripple's phase and the speed are known, and nothing is found anew."""
+def test_an_even_shaft_continues_over_pauses(view: str, pause_s: float) -> None:
+    """Once a second: the ripple's phase and the speed are known, and the estimator does not restart."""
     signal = make_signal(5, duration_s=16.0, dropped=0.0)
     heard = signal.time % 1.0 >= pause_s
     errors = []
@@ -29,7 +29,7 @@ def test_an_even_shaft_goes_on_over_pauses(view: str, pause_s: float) -> None:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_shaft_that_stops_unheard_is_found_at_rest(seed: int) -> None:
+def test_a_stop_within_a_pause_gives_a_standstill(seed: int) -> None:
     signal = make_signal(seed, duration_s=8.0, dropped=0.0)
     heard = signal.time < 6.0 + 0.01 * seed
     stamps = np.append(signal.stamps_ns[heard], signal.stamps_ns[heard][-1] + 10**9 + 2_000_000 * np.arange(500))
@@ -45,8 +45,8 @@ def test_a_shaft_that_stops_unheard_is_found_at_rest(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_another_speed_after_a_pause_is_found_anew(seed: int) -> None:
-    """At once: the first readings after the pause are neither wrong nor a jump."""
+def test_another_speed_after_a_pause_is_estimated_from_the_new_readings(seed: int) -> None:
+    """The estimate restarts at once: the first readings after the pause are neither outliers nor a slip."""
     before, after = make_signal(seed, duration_s=6.0, dropped=0.0), make_signal(seed + 50, rpm=95.0, duration_s=4.0)
     estimator = create_estimator("causal")
     estimator.step(before.stamps_ns, before.angles)
@@ -59,7 +59,7 @@ def test_another_speed_after_a_pause_is_found_anew(seed: int) -> None:
 
 @pytest.mark.parametrize("view", ["causal", "lag", "smooth"])
 def test_a_stop_in_a_pause_that_is_no_gap_by_its_length(view: str) -> None:
-    """How many turns a shaft that was braking has made in 45 intervals nobody knows: no speed is settled from it."""
+    """The turns of a braking shaft in 45 intervals are unknown: no speed from them is settled."""
     time = np.arange(900) / 64.0
     speed = np.interp(time, [2.0, 6.0, 6.4], [60.0, 60.0, 0.0])
     kept = (time < 6.12) | (time > 6.12 + 45.0 / 64.0)

@@ -1,4 +1,4 @@
-"""The kinds of recordings that estimators are judged on: truth by another integrator, faults as told."""
+"""The kinds of recordings that estimators are judged on: truth by another integrator, faults as specified."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_speed_and_acceleration_belong_to_the_angle(kind: str) -> None:
 @pytest.mark.parametrize(
     ("kind", "error"), [("slow", 0.4e-3 * 18.0), ("scales", 1e-3), ("coarse", 0.02), ("teeth", 1.2e-3), ("pitch", 3e-3)]
 )
-def test_readings_are_as_wrong_as_told(kind: str, error: float) -> None:
+def test_reading_errors_are_as_specified(kind: str, error: float) -> None:
     record = make(kind, 2)
     wrong = record.angle_rad - record.theta
     assert 0.1 * error < wrong.std() < error
@@ -56,7 +56,7 @@ def test_readings_are_as_wrong_as_told(kind: str, error: float) -> None:
 
 
 @pytest.mark.parametrize("share", ["1%", "3%"])
-def test_outliers_are_half_a_radian_and_as_many_as_told(share: str) -> None:
+def test_outliers_are_half_a_radian_and_as_many_as_specified(share: str) -> None:
     clean, dirty = make("scales", 5), make(f"scales+{share}", 5)
     leap = np.abs(dirty.angle_rad - clean.angle_rad)
     assert set(np.round(leap, 12)) == {0.0, 0.5}

@@ -1,4 +1,4 @@
-"""Records as loggers and wheels have them: printed angles, pauses before the first motion, run-downs, many turns."""
+"""Records of loggers and wheels: printed angles, pauses before the first motion, run-downs, many turns."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def test_the_step_is_the_encoders_and_not_the_last_decimal_of_a_log(
 
 
 @pytest.mark.parametrize("seed", [9, 14])
-def test_a_decimal_is_no_step_before_enough_readings_tell_the_encoders(seed: int) -> None:
-    """The first moves of a pendulum that is excited ever more are of many different numbers of decimals, too."""
+def test_a_decimal_is_no_step_before_enough_readings_show_the_encoders(seed: int) -> None:
+    """The first moves of a pendulum with growing swings have many different numbers of decimals as well."""
     rng, time, step = np.random.default_rng(seed), np.arange(900) * 0.002, TURN / 10_000
     theta = 0.4 * time**2 * np.sin(rng.uniform(8.0, 20.0) * time) + rng.random()
     estimator = create_estimator("causal")
@@ -40,7 +40,7 @@ def test_a_decimal_is_no_step_before_enough_readings_tell_the_encoders(seed: int
 
 @pytest.mark.parametrize("seed", range(20))
 def test_a_fine_encoder_is_no_coarse_one_that_was_printed(seed: int) -> None:
-    """Whose moves are alike, or few: they are multiples of many a step."""
+    """Moves that are alike, or few, are multiples of many steps."""
     rng = np.random.default_rng(seed)
     time, step = np.arange(768) * 0.002, TURN / 2 ** int(rng.integers(14, 19))
     late = rng.normal(0.0, rng.choice((1e-6, 2e-5)), time.size)
@@ -51,7 +51,7 @@ def test_a_fine_encoder_is_no_coarse_one_that_was_printed(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_shaft_that_is_inched_is_seen_once_it_moved_by_two_steps(seed: int) -> None:
-    """Ten bits, 50 ms to 1.6 rad/s after a rest of 10 s: it takes seven readings to move by two steps."""
+    """Ten bits, 50 ms to 1.6 rad/s after 10 s of standstill: two steps take seven readings."""
     time, step, begin = np.arange(2750) * 0.004, TURN / 1024, 10.0 + 0.001 * seed
     gone = np.maximum(time - begin, 0.0)
     theta = np.where(gone < 0.05, 16.0 * gone**2, 1.6 * (gone - 0.025)) + 0.7 * seed
@@ -62,7 +62,7 @@ def test_a_shaft_that_is_inched_is_seen_once_it_moved_by_two_steps(seed: int) ->
 
 @pytest.mark.parametrize("view", ["causal", "lag", "smooth"])
 def test_a_start_read_without_any_noise(view: str) -> None:
-    """As a simulator tells it: what foretold a rest to a millionth was believed for ten readings of the start."""
+    """Readings of a simulator: a filter exact at standstill dominated for ten readings of the start."""
     record = make("runs", 34)
     states = _run(create_estimator(view), record.time_s, record.fed_rad)
     start = (record.time_s[states.index] > 9.9) & (record.time_s[states.index] < 10.5)
@@ -70,20 +70,20 @@ def test_a_start_read_without_any_noise(view: str) -> None:
     assert np.abs(off).max() < 0.004 * record.omega.max()
 
 
-@pytest.mark.parametrize("rest_s", [0.7, 8.0])
+@pytest.mark.parametrize("standstill_s", [0.7, 8.0])
 @pytest.mark.parametrize("teeth", [0, 6])
 @pytest.mark.parametrize("view", ["causal", "smooth"])
-def test_a_pause_before_the_first_motion_is_no_interval(view: str, teeth: int, rest_s: float) -> None:
-    """A wheel at rest has no edges, and a logger may begin with a reading from long ago."""
+def test_a_pause_before_the_first_motion_is_no_interval(view: str, teeth: int, standstill_s: float) -> None:
+    """A wheel at standstill has no edges, and a logger may begin with an old reading."""
     if teeth:
         angles = np.arange(600) * TURN / teeth
-        time = np.append(0.0, rest_s + np.sqrt(2.0 * angles[1:] / 3.0))  # 3 rad/s^2 from rest
+        time = np.append(0.0, standstill_s + np.sqrt(2.0 * angles[1:] / 3.0))  # 3 rad/s^2 from standstill
     else:
-        time = np.append(0.0, rest_s + np.arange(600) * 0.002)
-        angles = np.append(0.0, 1.5 * (time[1:] - rest_s) ** 2)
+        time = np.append(0.0, standstill_s + np.arange(600) * 0.002)
+        angles = np.append(0.0, 1.5 * (time[1:] - standstill_s) ** 2)
     estimator = create_estimator(view, teeth=teeth)
     states = _run(estimator, time, angles)
-    truth = 3.0 * (time[states.index] - rest_s)
+    truth = 3.0 * (time[states.index] - standstill_s)
     late = states.index > 60
     assert np.abs(states.omega_rad_s - truth)[late].max() < 0.02 * truth.max()
     assert estimator.report.repeats <= (1 if teeth else 25)
@@ -116,7 +116,7 @@ def test_smooth_is_as_good_before_a_run_down_as_without_it(seed: int) -> None:
 
 
 def test_a_reading_far_beyond_a_turn_is_not_wrapped() -> None:
-    """From the first on: else turns are lost that pass in a pause before the readings' range tells it."""
+    """The first reading decides: otherwise turns within a pause are lost before the readings' range shows it."""
     time = np.arange(400) * 0.02
     theta = -48.0 - 12.5 * np.clip(time - 4.0, 0.0, None) ** 2
     heard = (time < 4.1) | (time > 5.0)
@@ -127,7 +127,7 @@ def test_a_reading_far_beyond_a_turn_is_not_wrapped() -> None:
 @pytest.mark.parametrize("counts", [24, 48, 90])
 @pytest.mark.parametrize("view", ["causal", "lag", "smooth"])
 def test_a_wheel_of_few_steps_that_moves_by_one_at_a_time_does_not_slip(view: str, counts: int) -> None:
-    """As Hall sensors read it: at first it rests, and then each step is far larger than that of a guess."""
+    """Hall sensors: after a standstill each step is far larger than the guessed one."""
     rng, time, step = np.random.default_rng(counts), np.arange(6000) * 0.002, TURN / counts
     pace = np.where(time > 2.0, 0.5 + 3.0 * np.abs(np.sin(0.9 * time)), 0.0) * 12.0 / counts
     theta = np.cumsum(pace * TURN / 12.0) * 0.002 * counts / 12.0 + rng.random()

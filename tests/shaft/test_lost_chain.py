@@ -1,4 +1,4 @@
-"""One chain smooths: it is put back where it lost the shaft, and knows the ripple that the readings speak for."""
+"""The smoother's filter restarts where it lost the shaft, and uses the ripple that the readings support."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from textile_twin_core.shaft import SampleReport, ShaftStates, create_estimator
 
 
 def test_lag_finds_the_shaft_again() -> None:
-    """A clean record on which the chain of `lag` went astray, and stayed there for a hundred samples."""
+    """A clean record on which the filter of `lag` diverged, and stayed so for a hundred samples."""
     record = make("slow", 1014)
     estimator = create_estimator("lag")
     states = estimator.step(record.time_s, record.fed_rad)
@@ -20,8 +20,8 @@ def test_lag_finds_the_shaft_again() -> None:
     assert np.all(np.abs(states.omega_rad_s - truth)[late] < 0.5 * np.abs(truth)[late])
 
 
-def test_smooth_does_not_set_readings_aside_that_the_filter_believed() -> None:
-    """The ripple of a shaft that its drive holds changes with the speed: a chain with that of the end stood far off."""
+def test_smooth_uses_the_readings_that_the_filter_accepted() -> None:
+    """The ripple of a driven shaft changes with the speed: a smoother with the final ripple was far off."""
     record = make("runs", 40)
     estimator = create_estimator("smooth")
     estimator.step(record.time_s, record.fed_rad)
@@ -44,8 +44,8 @@ def test_starts_and_stops_do_not_hide_the_ripple_from_smooth(seed: int) -> None:
 
 
 @pytest.mark.parametrize("view", ["causal", "lag"])
-def test_ripple_that_has_a_say_now_moves_no_state(view: str) -> None:
-    """Its second order is set all at once then: a shaft that slows evenly seemed to be hit by 1600 rad/s^2."""
+def test_a_ripple_that_enters_the_comparison_moves_no_state(view: str) -> None:
+    """The second order is set at once then: a shaft that slows evenly showed a blow of 1600 rad/s^2."""
     record = make("standstill+3%", 275)
     states = create_estimator(view).step(record.time_s, record.fed_rad)
     late = states.index > 0.15 * record.time_s.size
@@ -78,7 +78,7 @@ def test_a_bus_that_drops_out_for_as_long_as_the_lag_leaves_no_nan(view: str) ->
 
 
 @pytest.mark.parametrize("block", [1, 700, 4000])
-def test_a_lag_of_more_samples_than_may_be_held_is_cut_to_what_fits(block: int) -> None:
+def test_a_lag_beyond_the_window_is_cut_to_the_window(block: int) -> None:
     stamps, angles = np.arange(4000) * 1_000_000, 20.0 * np.arange(4000) * 1e-3
     estimator = create_estimator("lag", shaft_lag_s=0.6)
     found = [estimator.step(stamps[k : k + block], angles[k : k + block]) for k in range(0, 4000, block)]
@@ -93,7 +93,7 @@ RATE_HZ, STEP_RAD = 64.0, np.deg2rad(1.0)
 
 @pytest.mark.parametrize("slip", [np.pi, 0.5])
 def test_a_stop_soon_after_a_slip_is_followed(slip: float) -> None:
-    """The filters had found their noise before the slip: the stop's own rows tell how quick it was."""
+    """The filters had converged before the slip: the stop's own rows give its jerk."""
     at = np.arange(700)
     speed = np.interp(at, [20, 40, 600, 615], [0.0, 60.0, 60.0, 0.0])
     off, report = _smoothed_off(speed, np.cumsum(speed) / RATE_HZ + np.where(at >= 575, slip, 0.0))
@@ -121,7 +121,7 @@ def _smoothed_off(speed: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, Sam
 
 @pytest.mark.parametrize("seed", range(4))
 def test_lag_knows_the_ripple_before_a_loss(seed: int) -> None:
-    """What is smoothed after garbage has ended a motion was said before it: there the ripple is known."""
+    """Rows smoothed after a track loss precede the loss: the ripple is known there."""
     rng, time, step = np.random.default_rng(seed), np.arange(4000) / 1000.0, 2.0 * np.pi / 2**14
     clock = 30.0 * time + rng.uniform(0.0, 2.0 * np.pi)
     theta, _, alpha = rippling(clock, 30.0, 0.0, 0.05)
@@ -135,8 +135,8 @@ def test_lag_knows_the_ripple_before_a_loss(seed: int) -> None:
 
 
 @pytest.mark.parametrize(("rate_hz", "swing_rad"), [(2.2, 0.8), (0.6, 0.8), (1.1, 0.4)])
-def test_lag_smooths_with_no_ripple_that_leads_for_a_sample(rate_hz: float, swing_rad: float) -> None:
-    """A sley's shaft that rocks: where families enter the comparison one of them led for a sample, 33 and 38 sigmas."""
+def test_lag_ignores_a_ripple_that_leads_for_one_sample(rate_hz: float, swing_rad: float) -> None:
+    """An oscillating sley shaft: a new model led for one sample as it entered, an error of 33 and 38 sigmas."""
     time, rate, step = np.arange(0.001, 8.0, 0.0025), TURN * rate_hz, TURN / 8192
     theta = 1.0 + swing_rad * (np.sin(rate * time) + 0.2 * np.sin(2.0 * rate * time + 1.0))
     omega = swing_rad * rate * (np.cos(rate * time) + 0.4 * np.cos(2.0 * rate * time + 1.0))

@@ -1,4 +1,4 @@
-"""How good readings are: how many count as one, and the error of the stamps."""
+"""Measurement noise: the number of readings that count as one, and the error of the stamps."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from textile_twin_core.shaft.status import new_status
 def test_half_the_readings_until_the_shaft_moved_by_a_step_count_as_one(
     steps: float, bend: float, jitter: float, count: float
 ) -> None:
-    """By steps of the encoder: from reading to reading, that per reading again, and the jitter."""
+    """Parameters in steps of the encoder: the move per reading, its change per reading, and the jitter."""
     status = new_status(ShaftSettings(resolution_rad=1e-3))[0]
     status["interval"] = 0.01
     status["speed"], status["acceleration"] = steps * 0.1, bend * 10.0
@@ -40,7 +40,7 @@ def test_half_the_readings_until_the_shaft_moved_by_a_step_count_as_one(
 
 
 @pytest.mark.parametrize("seed", [2003, 2007])
-def test_the_stamps_error_of_a_mills_recording_is_told(seed: int) -> None:
+def test_the_stamps_error_of_a_mills_recording_is_estimated(seed: int) -> None:
     """14 bits, stamps off by 20 us: a step of rounding that readings share is no jitter."""
     made = record(healthy("tufting", seed, duration_s=30.0))
     estimator = create_estimator("causal")
@@ -49,7 +49,7 @@ def test_the_stamps_error_of_a_mills_recording_is_told(seed: int) -> None:
 
 
 def test_the_step_of_a_shaft_that_hardly_moves_is_found() -> None:
-    """Among 768 readings too few differ: those that do are kept for the next."""
+    """Among 768 readings too few differ: the differing ones are stored for the next search."""
     time, step = np.arange(6000) * 1e-3, 2.0 * np.pi / 4096
     estimator = create_estimator("causal")
     estimator.step(time, np.round(0.004 * time * 1e3) * step)
@@ -57,8 +57,8 @@ def test_the_step_of_a_shaft_that_hardly_moves_is_found() -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_outliers_at_rest_do_not_hide_the_encoders_step(seed: int) -> None:
-    """As many values that come once are wrong as come again and again; the step must not be taken for none."""
+def test_outliers_at_standstill_do_not_hide_the_encoders_step(seed: int) -> None:
+    """Outliers as frequent as repeated values: the readings must still count as rounded."""
     rng, step = np.random.default_rng(seed), 2.0 * np.pi / 4096.0
     angles = np.round(5.0 * np.sin(np.arange(768) * 0.02)) * step
     wrong = rng.random(angles.size) < 0.03
@@ -73,8 +73,8 @@ def test_the_step_of_angles_that_do_not_wrap_need_not_divide_a_turn(move: float)
 
 
 @pytest.mark.parametrize("steps", [2.01, 2.03, 3.03])
-def test_a_shaft_in_step_with_its_encoder_shows_the_step_by_what_is_not_expected(steps: float) -> None:
-    """It turns by so many steps between readings: one in 30 to 100 is a step off, an outlier among equal moves."""
+def test_a_shaft_in_step_with_its_encoder_shows_the_step_by_rare_moves(steps: float) -> None:
+    """The shaft turns by whole steps between readings: one in 30 to 100 is a step off, an outlier among equal moves."""
     step, time = 2.0 * np.pi / 4096, np.arange(1, 8000) / 1000.0
     speed = steps * step * 1000.0
     estimator = create_estimator("causal")
@@ -88,7 +88,7 @@ def test_a_shaft_in_step_with_its_encoder_shows_the_step_by_what_is_not_expected
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("view", ["causal", "lag", "smooth"])
 def test_a_noisy_past_is_soon_forgotten(view: str, seed: int) -> None:
-    """Noise that becomes a hundredth: what is small beside it, and was taken for noise, is ripple now."""
+    """Noise that falls to a hundredth: ripple that was insignificant beside it becomes visible."""
     rng, time = np.random.default_rng([90, seed]), np.arange(5000) * 1e-3
     phases = rng.uniform(0.0, 2.0 * np.pi, 3)
     orders, sizes = np.array([1.0, 2.0, 3.0]), np.array([0.05, 0.015, 0.0007])

@@ -1,4 +1,4 @@
-"""Readings that are wrong by half a radian, against known truth: the estimate is told to be in doubt, or is right."""
+"""Outliers of half a radian, against known truth: the estimate is right, or reported as unsettled."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_outliers_on_both_sides_of_the_motion_are_no_motion() -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_outliers_on_one_side_that_follow_no_line_are_no_motion(seed: int) -> None:
-    """Taken for one, each three of them would make a speed off by some hundred rad/s."""
+    """Accepted as motion, three of them would give a speed wrong by some hundred rad/s."""
     rng, time, step = np.random.default_rng(seed), np.arange(4000) / 500.0, 2.0 * np.pi / 4096
     angles = np.round((20.0 * time + 0.02 * np.sin(20.0 * time)) / step) * step
     for place in range(300, 3900, 120):
@@ -60,7 +60,7 @@ def test_outliers_on_one_side_that_follow_no_line_are_no_motion(seed: int) -> No
 
 @pytest.mark.parametrize("view", ["causal", "smooth"])
 @pytest.mark.parametrize("seed", [19, 39, 133, 135, 175, 199, 249, 274, 323])
-def test_speeds_above_all_that_were_seen_take_more_to_be_believed(seed: int, view: str) -> None:
+def test_speeds_above_the_highest_need_more_readings(seed: int, view: str) -> None:
     """Outliers on one side that follow a line look like speeds of many times full speed, of which a quarter is much."""
     rng, time = np.random.default_rng([11, seed]), np.arange(20_000) * 1e-3
     top = rng.uniform(10.0, 25.0)
@@ -77,7 +77,7 @@ def test_speeds_above_all_that_were_seen_take_more_to_be_believed(seed: int, vie
 
 @pytest.mark.parametrize("wild", [8.5, 20.0, -1000.0])
 def test_a_reading_beyond_the_turn_does_not_end_unwrapping(wild: float) -> None:
-    """Wrapping is found from the readings' range, of which one alone is no part; each turn was a jump then."""
+    """A single reading does not extend the range that decides wrapping; otherwise each turn was a discontinuity."""
     time, step = np.arange(5000) / 500.0, 2.0 * np.pi / 4096
     angles = np.round(17.0 * time / step) * step % (2.0 * np.pi)
     angles[1000] = wild
@@ -88,8 +88,8 @@ def test_a_reading_beyond_the_turn_does_not_end_unwrapping(wild: float) -> None:
 
 
 @pytest.mark.parametrize(("speed", "rate_hz"), [(400.0, 100.0), (1000.0, 50.0), (-400.0, 50.0)])
-def test_an_angle_that_leaps_by_more_than_half_a_turn_keeps_its_turns(speed: float, rate_hz: float) -> None:
-    """It is not wrapped, which its first readings show; what was added to them until then must go."""
+def test_an_angle_with_steps_of_more_than_half_a_turn_keeps_its_turns(speed: float, rate_hz: float) -> None:
+    """Its first readings show that it is not wrapped; the turns added until then are removed."""
     time = np.arange(2000) / rate_hz
     states = create_estimator("causal").step(time, 3.0 + speed * time)
     assert np.allclose(states.theta_rad[50:], 3.0 + speed * time[states.index[50:]], rtol=0.0, atol=1e-6)
@@ -98,7 +98,7 @@ def test_an_angle_that_leaps_by_more_than_half_a_turn_keeps_its_turns(speed: flo
 
 @pytest.mark.parametrize("place", range(23, 30))
 def test_no_place_of_a_wrong_reading_hides_the_ripple(place: int) -> None:
-    """Where the noise is known the ripple gets its prior covariance back, with the next reading where one is wrong."""
+    """Once the noise is known the ripple returns to its prior covariance, with the next reading if one is wrong."""
     time, step = np.arange(2000) / 1000.0, 2.0 * np.pi / 2**17
     theta, _, alpha = rippling(50.0 * time, 50.0, 0.0, 0.05)
     angles = np.round(theta / step) * step
@@ -109,8 +109,8 @@ def test_no_place_of_a_wrong_reading_hides_the_ripple(place: int) -> None:
 
 
 @pytest.mark.parametrize(("view", "most"), [("lag", 1.0), ("smooth", 0.01)])
-def test_three_wrong_readings_on_one_side_are_no_motion_once_the_old_one_goes_on(view: str, most: float) -> None:
-    """Believed to be a manoeuvre, as live they may be, they made the speed 170 rad/s for 12."""
+def test_three_outliers_on_one_side_are_no_motion_once_the_old_motion_continues(view: str, most: float) -> None:
+    """Accepted as a manoeuvre, as the causal view may, they gave a speed of 170 rad/s for 12."""
     time, step = np.arange(1600) * 0.0025, 2.0 * np.pi / 4096
     readings = np.floor(12.0 * time / step) * step
     readings[800:803] += (-0.27, -0.27, -0.21)

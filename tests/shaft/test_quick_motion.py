@@ -16,7 +16,7 @@ RATE, FINE, NOISE = 1400.0, 20, 2e-4
 
 
 def pushed(seed: int, count: int, push: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Times, states (count, 3) and readings of a shaft at 300 rad/s under pushes that last for five samples or so.
+    """Times, states (count, 3) and readings of a shaft at 300 rad/s under pushes of about five samples.
 
     `push` is their acceleration [rad per sample squared]; the speed goes back to its mean within fifty samples.
     """
@@ -35,7 +35,7 @@ def pushed(seed: int, count: int, push: float) -> tuple[np.ndarray, np.ndarray, 
 
 @pytest.mark.parametrize("view", ["causal", "smooth"])
 @pytest.mark.parametrize("push", [2.5e-3, 1e-3, 4e-4])
-def test_filters_of_short_memory_find_their_own_noise(push: float, view: str) -> None:
+def test_filters_of_short_memory_estimate_their_own_noise(push: float, view: str) -> None:
     """The first guess of the noise is some hundred times too large; the tuned filter looks back 0.5, 0.7, 1 samples."""
     ratios = []
     for seed in range(6):
@@ -66,7 +66,7 @@ def test_what_a_filter_follows_is_not_unmodelled(push: float, error: float) -> N
 
 @pytest.mark.parametrize("seed", range(3))
 def test_an_arm_that_stops_does_not_run_on(seed: int) -> None:
-    """Read at 50 Hz in steps of 0.1 mrad, by stamps 0.25 ms late, 1 rad/s and 10 rad/s^2 to and fro, with rests.
+    """Read at 50 Hz in steps of 0.1 mrad, by stamps 0.25 ms late, 1 rad/s and 10 rad/s^2, oscillating with standstills.
 
     The noise of late stamps goes with the speed; as the process noise went with it, speeds ran on to 0.6 to 1.4 rad/s.
     """
@@ -81,7 +81,7 @@ def test_an_arm_that_stops_does_not_run_on(seed: int) -> None:
 
 
 def test_stamps_are_no_later_than_by_an_interval() -> None:
-    """Whatever is left as a swing dies out would be late stamps: 25 ms late, at intervals of 4 ms."""
+    """The residual of a decaying swing would be late stamps: 25 ms late, at intervals of 4 ms."""
     status = new_status(ShaftSettings())
     status["interval"], status["speed"], status["scale"] = 4e-3, 1e-4, 1.0
     adapt_jitter(status[0], 1e-8)
@@ -89,7 +89,7 @@ def test_stamps_are_no_later_than_by_an_interval() -> None:
 
 
 def test_late_stamps_make_no_standstill() -> None:
-    """Late by half an interval, a turning shaft's readings were believed no better than that for ever."""
+    """Late by half an interval, a turning shaft's readings kept that variance to the end of the record."""
     status = new_status(ShaftSettings(resolution_rad=1e-4))
     status["interval"], status["speed"], status["jitter"], status["correlated"] = 4e-3, 10.0, 2e-3**2, 1.0
     assert least_scale(status[0], 0.02**2) < 0.01

@@ -1,4 +1,4 @@
-"""A sensor that measures less often than it is asked, and says again what it said: a drive's bus, a PLC's cycle."""
+"""A sensor that measures less often than it is read, and repeats its value: a drive's bus, a PLC's cycle."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from tests.shaft.textbook import textbook
 from textile_twin_core.shaft import create_estimator
 
 
-def held(signal: ShaftSignal, often: float) -> np.ndarray:
-    """The angles as measured every so many samples."""
+def repeated(signal: ShaftSignal, often: float) -> np.ndarray:
+    """The angles measured every `times` samples."""
     count = np.arange(signal.time.size)
     return np.asarray(signal.angles[np.floor(np.floor(count / often) * often).astype(np.int64)])
 
@@ -21,10 +21,10 @@ def held(signal: ShaftSignal, often: float) -> np.ndarray:
 @pytest.mark.parametrize("often", [2.0, 3.3, 5.0, 8.0])
 @pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize("view", ["causal", "smooth"])
-def test_what_is_said_again_is_no_reading(view: str, often: float, seed: int) -> None:
-    """Taken for readings, they make the shaft late and its motion a staircase."""
+def test_copies_are_no_readings(view: str, often: float, seed: int) -> None:
+    """Counted as readings, copies delay the shaft and turn its motion into a staircase."""
     signal = make_signal(seed, duration_s=24.0, dropped=0.0)
-    angles = held(signal, often)
+    angles = repeated(signal, often)
     estimator = create_estimator(view)
     states = [estimator.step(signal.stamps_ns, angles), estimator.finish()][view == "smooth"]
     late = states.index > 0.6 * angles.size
@@ -39,7 +39,7 @@ def test_what_is_said_again_is_no_reading(view: str, often: float, seed: int) ->
 @pytest.mark.parametrize("seed", range(4))
 def test_a_stop_is_no_repetition(seed: int) -> None:
     signal = make_signal(seed, duration_s=8.0, dropped=0.0)
-    angles = np.append(held(signal, 5.0), np.full(500, signal.angles[-1]))
+    angles = np.append(repeated(signal, 5.0), np.full(500, signal.angles[-1]))
     stamps = np.append(signal.stamps_ns, signal.stamps_ns[-1] + 2_000_000 * np.arange(1, 501))
     estimator = create_estimator("causal")
     states = estimator.step(stamps, angles)
@@ -58,7 +58,7 @@ def test_an_encoder_that_turns_slowly_repeats_nothing(bits: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_outliers_at_rest_are_no_moves_after_repetitions(seed: int) -> None:
+def test_outliers_at_standstill_are_no_moves_after_repetitions(seed: int) -> None:
     record = make("standstill+3%", seed)
     estimator = create_estimator("causal")
     estimator.step(record.time_s, record.fed_rad)
@@ -68,7 +68,7 @@ def test_outliers_at_rest_are_no_moves_after_repetitions(seed: int) -> None:
 @pytest.mark.parametrize("length", [1, 3, 5, 8])
 @pytest.mark.parametrize("view", ["causal", "smooth"])
 def test_a_bus_that_drops_out_is_no_stop(view: str, length: int) -> None:
-    """Some readings only say again what the last one said, then the motion goes on where it would be."""
+    """Some readings only repeat the last one, then the motion continues as predicted."""
     signal = make_signal(5, duration_s=16.0, dropped=0.0, bits=13)
     stuck = signal.angles.copy()
     for first in range(1000, stuck.size - 20, 97):
@@ -85,8 +85,8 @@ def test_a_bus_that_drops_out_is_no_stop(view: str, length: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_small_outliers_at_rest_are_no_moves_after_repetitions(seed: int) -> None:
-    """Ten steps of the encoder, either way, which the gate lets through; the shaft is inched between rests."""
+def test_small_outliers_at_standstill_are_no_moves_after_repetitions(seed: int) -> None:
+    """Ten steps of the encoder, either way, which pass the gate; the shaft is inched between standstills."""
     rng, step = np.random.default_rng(seed), 2.0 * np.pi / 4096.0
     time = np.arange(20_000) * 2e-3
     angles = np.round(0.1 * np.floor(time / 2.0) / step + np.clip(time % 2.0, 0.0, 0.2) * 0.5 / step) * step
@@ -98,7 +98,7 @@ def test_small_outliers_at_rest_are_no_moves_after_repetitions(seed: int) -> Non
 
 
 @pytest.mark.parametrize(("speed", "rate_hz"), [(15.0, 500.0), (40.0, 1000.0), (12.0, 50.0)])
-def test_a_dead_stop_is_a_rest_once_it_is_no_dropout(speed: float, rate_hz: float) -> None:
+def test_a_dead_stop_is_a_standstill_once_it_outlasts_a_dropout(speed: float, rate_hz: float) -> None:
     """Until then no state is settled."""
     time, step = np.arange(3000) / rate_hz, 2.0 * np.pi / 4096.0
     angles = np.round(speed * np.minimum(time, time[2000]) / step) * step
@@ -134,7 +134,7 @@ def test_moves_that_are_alike_at_first_are_no_steps_of_the_encoder(seed: int) ->
 
 @pytest.mark.parametrize("seed", [8, 11, 18, 36])
 def test_wrapped_angles_may_be_repeated(seed: int) -> None:
-    """A repeated reading has no other turn, whatever was foretold; a speed has its time from the last new one."""
+    """A repeated reading keeps its turn, whatever the prediction; a speed is measured from the last new reading."""
     time, angle, _ = _published(5, 17.0, 12, seed)
     counted, wrapped = (
         create_estimator("causal").step(time, angles) for angles in (angle, (angle + np.pi) % TURN - np.pi)
@@ -144,7 +144,7 @@ def test_wrapped_angles_may_be_repeated(seed: int) -> None:
 
 
 def test_a_wrong_reading_hides_no_repetitions_of_the_one_before() -> None:
-    """One in a hundred wrong by half a radian; taken for new ones the median is 6e-3, a noise that is held: .04."""
+    """1 % outliers of half a radian: counted as new readings the median is 6e-3, with a persistent noise .04."""
     off = []
     for seed in range(90):
         time, angle, speed = _published(2 + seed % 3, 30.0, 14, seed)
@@ -185,7 +185,7 @@ def test_a_speed_does_not_run_away(share: float) -> None:
 
 
 @pytest.mark.parametrize(("times", "seed"), [(5, 0), (5, 2), (5, 4)])
-def test_what_was_heard_before_repetitions_are_known_is_forgotten(times: int, seed: int) -> None:
+def test_averages_from_before_the_repetitions_are_known_are_reset(times: int, seed: int) -> None:
     """Seven orders, 6 to 10 new readings a turn: taken for the sensor's they left one sigma .2 to .28 of the truth, and
     stamps seemed late by half an interval for ever.
     """
@@ -204,8 +204,8 @@ def test_what_was_heard_before_repetitions_are_known_is_forgotten(times: int, se
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_shaft_that_rests_now_and_then_is_no_sensor_that_repeats(seed: int) -> None:
-    """Moves of 1 to 4 samples, rests of 0 to some 30: 1450 to 1800 true readings of 4000 were set aside."""
+def test_a_shaft_with_standstills_is_no_sensor_that_repeats(seed: int) -> None:
+    """Moves of 1 to 4 samples, standstills of 0 to some 30: 1450 to 1800 true readings of 4000 were rejected."""
     rng, speed, begin = np.random.default_rng([seed, 12]), np.zeros(4000), 50
     while begin < 3950:
         end = begin + int(rng.integers(1, 5))

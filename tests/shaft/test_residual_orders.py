@@ -1,4 +1,4 @@
-"""Ripple of orders that no family leads with is no noise: sigmas know of it, and of nothing that is not there."""
+"""Orders of ripple beyond the leading model: the sigmas include them, and nothing else."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def _turning(seed: int, ripple: tuple[float, ...], speed: float, duration_s: flo
 
 @pytest.mark.parametrize("view", ["causal", "smooth"])
 @pytest.mark.parametrize("samples", [5.3, 6.2, 7.3, 9.1])
-def test_sigmas_know_the_orders_for_which_there_are_too_few_samples(view: str, samples: float) -> None:
+def test_sigmas_include_the_orders_that_the_samples_do_not_resolve(view: str, samples: float) -> None:
     """A controller at 100 Hz, 14 bits, ripple of four orders; errors of such orders are a wave's, .4 to .9 inside."""
     motion = _turning(3, (0.02, 0.03, 0.01, 0.004), 100.0 * TURN / samples, 30.0)
     time = np.arange(1, 2990) / 100.0
@@ -51,7 +51,7 @@ def test_noise_is_no_ripple(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_pitch_errors_are_no_ripple(seed: int) -> None:
-    """Errors of an encoder's disc come again every turn, too, but in all orders alike."""
+    """Errors of an encoder's disc repeat every turn as well, but equally in all orders."""
     motion = _turning(seed, (0.02,), 30.0, 30.0)
     time = np.arange(1, 14_500) / 500.0
     theta, _, alpha = motion.at(time)
@@ -87,7 +87,7 @@ def _waving(
 @pytest.mark.parametrize("view", ["causal", "smooth"])
 @pytest.mark.parametrize("shape", SHAPES)
 def test_impacts_and_gears_are_no_errors_of_the_sensor(shape: str, view: str) -> None:
-    """Orders above the twelfth, falling or alone, are modelled where they are heard: acceleration, ripple, sigmas."""
+    """Significant orders above the twelfth, falling or alone, are modelled: acceleration, ripple, sigmas."""
     waves, samples = SHAPES[shape]
     time, theta, _, alpha = _waving(waves, 500.0, samples, 20.0, 0)
     estimator = create_estimator(view)
@@ -106,7 +106,7 @@ def _disc(theta: np.ndarray, cells: int, seed: int) -> np.ndarray:
     return np.random.default_rng(seed).normal(0.0, 1e-3, cells)[np.floor(theta * cells / TURN).astype(int) % cells]
 
 
-def test_what_is_known_of_the_sensor_is_kept_where_a_turn_has_few_samples() -> None:
+def test_the_sensors_errors_stay_known_where_a_turn_has_few_samples() -> None:
     """A record that ends at twice its speed; taken for ripple the errors are an acceleration of 110."""
     rate, time = 500.0, np.arange(1, 20_000) / 500.0
     slow, fast = rate * TURN / 60.7, rate * TURN / 29.0

@@ -1,4 +1,4 @@
-"""The smoother against the joint distribution of all states, in 60 digits, where it is hardest: around a long rest."""
+"""The smoother against the joint distribution of all states, in 60 digits, around a long standstill."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from textile_twin_core.shaft.status import ROW
 COUNT = 24
 
 
-def _rows(rest_noise: float) -> Any:
-    """Readings of a shaft that runs, rests and runs; at rest they are better by far, and some are missing."""
+def _rows(standstill_noise: float) -> Any:
+    """Readings of a shaft that runs, stands and runs; at standstill they are far better, and some are missing."""
     rng = np.random.default_rng(5)
     rows = records(ROW, COUNT)
     rows["step"] = rng.uniform(0.5e-3, 2e-3, COUNT)
     rows["reading"] = np.cumsum(rng.normal(0.02, 0.02, COUNT))
     rows["noise"], rows["intensity"] = 1e-7, 1e9
-    rows["noise"][8:16], rows["intensity"][8:16] = rest_noise, 1e-3
-    rows["reading"][8:16] = rows["reading"][8] + rng.normal(0.0, np.sqrt(rest_noise), 8)
+    rows["noise"][8:16], rows["intensity"][8:16] = standstill_noise, 1e-3
+    rows["reading"][8:16] = rows["reading"][8] + rng.normal(0.0, np.sqrt(standstill_noise), 8)
     rows["noise"][[5, 12, 20]] = 0.0
     rows["angle"] = rows["clock"] = rows["reading"]
     return rows
@@ -66,12 +66,12 @@ def _add(matrix: Any, block: Any, row: int, column: int) -> None:
             matrix[row + i, column + j] += block[i, j]
 
 
-@pytest.mark.parametrize(("rest_noise", "tolerance"), [(1e-7, 1e-11), (1e-17, 1e-4)])
+@pytest.mark.parametrize(("standstill_noise", "tolerance"), [(1e-7, 1e-11), (1e-17, 1e-4)])
 def test_smoothed_states_and_covariances_are_those_of_the_joint_distribution(
-    rest_noise: float, tolerance: float
+    standstill_noise: float, tolerance: float
 ) -> None:
-    """In parts of a sigma. Where readings of a rest are 1e10 times as good their own rounding counts."""
-    rows = _rows(rest_noise)
+    """Errors in parts of a sigma. Where readings at standstill are 1e10 times as good, their own rounding counts."""
+    rows = _rows(standstill_noise)
     smoother = new_smoother(ShaftSettings(), COUNT)
     start = smoother.filtered[0]
     start[3:] = 50.0, 0.1, 1e-4, 3.0, 1e-3, 1e-3
@@ -90,7 +90,7 @@ def test_smoothed_states_and_covariances_are_those_of_the_joint_distribution(
 
 
 def test_covariances_are_finite_and_positive_whatever_the_steps_noises_and_intensities() -> None:
-    """Over many decades each, a third of the readings set aside: here all but the form is lost to rounding."""
+    """Many decades of each, a third of the readings rejected: rounding destroys everything but the form."""
     rng = np.random.default_rng(0)
     for _ in range(300):
         rows, smoother = _rows(1e-7), new_smoother(ShaftSettings(), COUNT)

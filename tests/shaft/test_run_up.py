@@ -1,4 +1,4 @@
-"""A mill's recording, rest to run-up to stop: what happens at its ends does not spoil the hour between them."""
+"""A mill's recording from standstill through a run-up to a stop: its ends do not spoil the hour in between."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def test_the_stop_does_not_choose_the_ripple_of_the_whole(duration_s: float) -> 
 
 @pytest.mark.parametrize("view", ["causal", "lag"])
 @pytest.mark.parametrize("seed", [2003, 2007])
-def test_a_start_from_rest_does_not_hide_the_ripple(view: str, seed: int) -> None:
-    """What a slow start tells of the stamps' error must not last: readings would be thought too bad to tell ripple.
+def test_a_start_from_standstill_does_not_hide_the_ripple(view: str, seed: int) -> None:
+    """The stamps' error seen in a slow start must not last: the readings would seem too noisy to show ripple.
 
     The steady acceleration was off by 2 to 10 rad/s^2 then, of ripple that has up to 8.
     """
@@ -43,8 +43,8 @@ def test_a_start_from_rest_does_not_hide_the_ripple(view: str, seed: int) -> Non
 
 
 @pytest.mark.parametrize(("bits", "rate_hz", "most"), [(9, 200.0, 8.0), (10, 200.0, 4.0), (12, 500.0, 3.0)])
-def test_ripple_that_is_learnt_anew_at_double_speed_costs_no_readings(bits: int, rate_hz: float, most: float) -> None:
-    """From 8 to 40 rad/s in 3 s: good readings were outside the gate where the leading ripple began anew, off by 70."""
+def test_a_ripple_that_restarts_at_double_speed_costs_no_readings(bits: int, rate_hz: float, most: float) -> None:
+    """Speed from 8 to 40 rad/s in 3 s: good readings left the gate where the leading ripple restarted, off by 70."""
     for seed in range(3):
         time = np.arange(int(10.0 * rate_hz)) / rate_hz
         even = np.interp(time, [0.0, 5.0, 8.0, 10.0], [8.0, 8.0, 40.0, 40.0])
@@ -62,7 +62,7 @@ def test_ripple_that_is_learnt_anew_at_double_speed_costs_no_readings(bits: int,
 
 @pytest.mark.parametrize(("teeth", "most"), [(24, 2.0), (36, 0.7), (60, 0.25)])
 def test_edges_of_teeth_while_the_speed_grows_tenfold(teeth: int, most: float) -> None:
-    """In 1 s, with 8 % of ripple. As edges came on average over 500 of them it was 3.0, 1.3, .4 rad/s off."""
+    """Run-up in 1 s, ripple of 8 %. A mean interval over 500 edges gave errors of 3.0, 1.3, .4 rad/s."""
     turn, time = 2.0 * np.pi, np.arange(0.0, 2.5, 2e-5)
     x = np.clip(time - 0.5, 0.0, 1.0)
     even = 30.0 + 270.0 * x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
@@ -79,7 +79,7 @@ def test_edges_of_teeth_while_the_speed_grows_tenfold(teeth: int, most: float) -
 
 @pytest.mark.parametrize("brake_s", [0.876, 0.886, 0.889])
 def test_ripple_that_is_seen_first_while_the_shaft_brakes_does_not_touch_the_speed(brake_s: float) -> None:
-    """From rest at 46 rad/s^2, then braked at 177: what was taken for ripple until then was off by 3 rad/s of 20."""
+    """Started at 46 rad/s^2, then braked at 177: the ripple estimated until then had an error of 3 rad/s of 20."""
     start_s, rise, fall = 0.2, 46.0, 177.0
     time = np.arange(500) / 500.0
     run, brake = np.clip(time, start_s, brake_s) - start_s, np.maximum(time - brake_s, 0.0)

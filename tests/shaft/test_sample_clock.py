@@ -77,7 +77,7 @@ def test_a_clock_of_100_hz_repeats_its_stamps_and_widens_the_interval() -> None:
     assert np.std(error_ms(found.times_ns, right.angle_s)) < 0.15
 
 
-def test_the_pattern_is_named_with_its_numbers() -> None:
+def test_the_pattern_is_described_with_its_numbers() -> None:
     stamps = np.concatenate([np.arange(8) * 71_429 + k * 16_000_000 for k in range(100)])
     bursts = find_bursts(stamps)
     assert bursts is not None
@@ -93,7 +93,7 @@ def _right(samples: Sampled) -> tuple[IntArray, FloatArray]:
     "options",
     [{}, {"lost": 0.15}, {"lost": 0.3}, {"jitter_s": 4e-4}, {"run_up_s": 5.0}, {"wrapped": False, "lost": 0.06}],
 )
-def test_right_stamps_are_kept(options: dict[str, float]) -> None:
+def test_right_stamps_stay(options: dict[str, float]) -> None:
     assert even_times(*_right(sampled(500.0, 6.0, **options)), angles=True) is None  # type: ignore[arg-type]
 
 

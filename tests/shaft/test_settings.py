@@ -1,4 +1,4 @@
-"""Settings of the estimators: what is of the wrong kind or value is named, with what it must be."""
+"""Settings of the estimators: an error names the wrong setting and the values allowed."""
 
 from __future__ import annotations
 
@@ -48,8 +48,8 @@ def test_settings_may_be_numpys_numbers(name: str) -> None:
     create_estimator(name, cycle_turns=np.int64(2), encoder_bits=np.float64(14))
 
 
-def test_angles_that_are_told_not_to_wrap_keep_their_turns() -> None:
-    """At 100 Hz a shaft of 400 rad/s moves by more than half a turn: wrapped it would seem to run backwards."""
+def test_angles_configured_as_unwrapped_keep_their_turns() -> None:
+    """A shaft of 400 rad/s at 100 Hz moves by more than half a turn: wrapped, it would seem to run backwards."""
     time = np.arange(400) / 100.0
     states = create_estimator("causal", wrapping="unwrapped").step(time, 400.0 * time)
     assert np.allclose(states.omega_rad_s[50:], 400.0)

@@ -40,7 +40,7 @@ def test_readings_that_are_stamped_in_bunches(view: str) -> None:
 
 @pytest.mark.parametrize("view", ["causal", "lag", "smooth"])
 def test_readings_that_arrive_in_packets(view: str) -> None:
-    """Eight every 8 ms from the very first on, 20 us apart: 2000 rad/s, by the slope within a packet, are none."""
+    """Eight every 8 ms from the very first on, 20 us apart: the slope within a packet, 2000 rad/s, is no speed."""
     signal = make_signal(5, duration_s=8.0, rate_hz=1000.0, rpm=380.0, dropped=0.0, jitter_s=0.0)
     count, estimator = np.arange(signal.time.size), create_estimator(view)
     parts = [estimator.step(signal.time[count // 8 * 8 + 7] + count % 8 * 2e-5, signal.angles), estimator.finish()]
@@ -61,14 +61,14 @@ def test_readings_of_a_controller_whose_cycle_drifts_past_the_polls(view: str) -
 
 
 @pytest.mark.parametrize("view", ["causal", "lag", "smooth"])
-def test_readings_of_a_controller_that_is_asked_once_a_cycle(view: str) -> None:
-    """Its clock and ours drift apart: for a hundred readings at a time each may be a cycle old, and the next is not.
+def test_readings_of_a_controller_read_once_a_cycle(view: str) -> None:
+    """The clocks drift apart: each of some hundred readings may be a cycle old, and the next one is not.
 
-    Such a reading is as far off as the one set aside before it, and no motion, though meanwhile short memories would
+    Such a reading has the innovation of the rejected one before it, and is no motion, though short memories would
     follow it: then one record in four is off by 1.9 to 4 times the textbook's error, one in 24 by 16.
     """
     drifts = [10.0 ** np.random.default_rng(seed).uniform(-4.0, -1.7) for seed in range(12)]
-    ratios = np.array([_asked(seed, view, drift) for seed, drift in enumerate(drifts)])
+    ratios = np.array([_read_each_cycle(seed, view, drift) for seed, drift in enumerate(drifts)])
     assert np.exp(np.mean(np.log(ratios))) < 0.7
     assert ratios.max() < 2.0
 
@@ -77,22 +77,22 @@ def test_readings_of_a_controller_that_is_asked_once_a_cycle(view: str) -> None:
 def test_slips_that_come_again_and_again_are_a_speed(seed: int) -> None:
     """Asked at intervals 6 to 15 % other than its cycle: as slips they left the speed off by as much, 3 to 9 times."""
     drift = (-1) ** seed * np.random.default_rng(seed).uniform(0.06, 0.15)
-    assert _asked(seed, "causal", drift, late=0.0) < 1.0
+    assert _read_each_cycle(seed, "causal", drift, late=0.0) < 1.0
 
 
 @pytest.mark.parametrize("view", ["causal", "smooth"])
 @pytest.mark.parametrize(("cycle_s", "rate_hz"), [(4e-3, 50.0), (10e-3, 50.0), (10e-3, 100.0)])
-def test_a_controllers_cycle_that_is_told(view: str, cycle_s: float, rate_hz: float) -> None:
-    """Three tenths of it (1 / sqrt 12) are the stamps' error, and readings that are all as old for minutes not exact.
+def test_a_configured_cycle_of_the_controller(view: str, cycle_s: float, rate_hz: float) -> None:
+    """The stamps' error is 0.3 of the cycle (1 / sqrt 12); readings equally old for minutes are not exact.
 
-    Where filters learn that they are, clocks that pass each other make leaps and outliers of them.
+    Filters that take them for exact see slips and outliers when the clocks pass each other.
     """
-    told = [_polled(seed, view, cycle_s, rate_hz, 0.3 * cycle_s) for seed in range(4, 8)]
-    assert max(told) < 1.4
+    ratios = [_polled(seed, view, cycle_s, rate_hz, 0.3 * cycle_s) for seed in range(4, 8)]
+    assert max(ratios) < 1.4
 
 
-def _asked(seed: int, view: str, drift: float, late: float = 0.05) -> float:
-    """Error of the speed over the textbook's, of a controller asked each cycle and such a part of it."""
+def _read_each_cycle(seed: int, view: str, drift: float, late: float = 0.05) -> float:
+    """Error of the speed over the textbook's, of a controller read once in (1 + `drift`) cycles."""
     rng = np.random.default_rng([seed, 41])
     cycle_s, count = rng.choice([2e-3, 4e-3, 10e-3]), 6000
     speed = rng.uniform(60.0, 400.0) * 2.0 * np.pi / 60.0
@@ -112,7 +112,9 @@ def _asked(seed: int, view: str, drift: float, late: float = 0.05) -> float:
     return float(np.sqrt(np.mean(off**2) / np.mean((book - truth[rows]) ** 2)))
 
 
-def _polled(seed: int, view: str, cycle_s: float = 4e-3, rate_hz: float = 50.0, told_s: float | None = None) -> float:
+def _polled(
+    seed: int, view: str, cycle_s: float = 4e-3, rate_hz: float = 50.0, configured_s: float | None = None
+) -> float:
     """Error of the acceleration over the textbook's, of two minutes."""
     rng = np.random.default_rng([seed, 99])
     count, drift = 240_001, cycle_s * (1.0 + 1e-4)
@@ -124,7 +126,7 @@ def _polled(seed: int, view: str, cycle_s: float = 4e-3, rate_hz: float = 50.0, 
     stamps += np.abs(rng.normal(0.0, 5e-4, stamps.size))
     step = 2.0 * np.pi / 4096
     read = np.round(motion.at(np.floor((stamps - 0.013) / drift) * drift + 0.013)[0] / step) * step
-    estimator = create_estimator(view, stamp_jitter_s=told_s)
+    estimator = create_estimator(view, stamp_jitter_s=configured_s)
     states = [estimator.step(stamps, read), estimator.finish()][view == "smooth"]
     late = states.index > 0.25 * stamps.size
     rows, truth = states.index[late], motion.at(stamps)[2]
@@ -135,7 +137,7 @@ def _polled(seed: int, view: str, cycle_s: float = 4e-3, rate_hz: float = 50.0, 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("view", ["causal", "lag", "smooth"])
 def test_stamps_of_a_host_that_is_late_now_and_then(view: str, seed: int) -> None:
-    """Up to 30 ms late, with the readings that waited stamped 10 ns apart: no speed is found between these."""
+    """Up to 30 ms late, with the readings that waited stamped 10 ns apart: no speed is computed between these."""
     rng, time, step = np.random.default_rng([80, seed]), np.arange(2500) * 2e-3, 2.0 * np.pi / 2**14
     phase = rng.uniform(0.0, 2.0 * np.pi)
     theta = 20.0 * time + 0.05 * np.sin(20.0 * time + phase)

@@ -1,4 +1,4 @@
-"""The first second of a recording: wrong first readings, memories that are still to be found, a wheel's run-up."""
+"""The first second of a recording: wrong first readings, memories not yet known, a wheel's run-up."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ def _states(view: str, signal: ShaftSignal, angles: np.ndarray) -> ShaftStates:
 
 
 @pytest.mark.parametrize("place", range(4))
-@pytest.mark.parametrize("leap", [0.5, -0.5])
-def test_a_wrong_reading_among_the_first_costs_nothing(place: int, leap: float) -> None:
+@pytest.mark.parametrize("offset", [0.5, -0.5])
+def test_a_wrong_reading_among_the_first_costs_nothing(place: int, offset: float) -> None:
     signal = make_signal(4, duration_s=6.0, dropped=0.0, bits=13)
     wrong = signal.angles.copy()
-    wrong[place] = np.mod(wrong[place] + leap, TURN)
+    wrong[place] = np.mod(wrong[place] + offset, TURN)
     worst = []
     for angles in (signal.angles, wrong):
         states = _states("causal", signal, angles)
@@ -36,7 +36,7 @@ def test_a_wrong_reading_among_the_first_costs_nothing(place: int, leap: float) 
 @pytest.mark.parametrize("bits", [11, 13, 16])
 @pytest.mark.parametrize("rate_hz", [50.0, 1000.0])
 def test_smooth_knows_the_beginning_as_well_as_the_textbook(bits: int, rate_hz: float) -> None:
-    """What the filter takes some hundred readings to find, how evenly the shaft turns, the smoother knows before."""
+    """The filter needs some hundred readings to learn how even the motion is; the smoother knows it at once."""
     signal = make_signal(
         bits, duration_s=2000.0 / rate_hz, dropped=0.0, ripple=(), bits=bits, rate_hz=rate_hz, rpm=83.0
     )
@@ -70,7 +70,7 @@ def test_ripple_is_found_after_the_run_up_of_a_wheel(seed: int) -> None:
 
 
 def test_a_great_ripple_that_is_seen_for_the_first_time_shakes_the_speed_little() -> None:
-    """By 20 and 30 % of the speed: weighed without its second order it is off by 2.6 % at worst, with it by 1.1 %."""
+    """Ripple of 20 and 30 %: compared without its second order the worst error is 2.6 %, with it 1.1 %."""
     worst = []
     for size, phase, speed, bits in ((0.2, 4.0, 10.0, 16), (0.3, 5.0, 20.0, 16), (0.2, 3.0, 40.0, 12)):
         waves = np.array([[1.0, size, phase], [2.0, size / 3.0, 2.0 * phase]])

@@ -1,4 +1,4 @@
-"""Pitch errors of a toothed wheel, learnt from a recording: also those of a tooth that the gate sets aside."""
+"""Pitch errors of a toothed wheel, estimated from a recording, also of a tooth whose readings the gate rejects."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ TEETH = 60
 
 @pytest.mark.parametrize("seed", [0, 1, 3, 5, 6])
 def test_pitch_errors_are_learnt_in_all_orders_that_motion_has_little_of(seed: int) -> None:
-    """Of the first orders the readings do not tell whose they are; those have a quarter of the errors' variance."""
+    """The readings do not assign the first orders, a quarter of the errors' variance, to wheel or motion."""
     record = make("pitch", seed)
     estimator = create_estimator("smooth", cycle_turns=2, teeth=TEETH)
     estimator.step(record.time_s, record.angle_rad)
@@ -32,8 +32,8 @@ def test_pitch_errors_are_learnt_in_all_orders_that_motion_has_little_of(seed: i
 
 @pytest.mark.parametrize(("view", "most"), [("causal", 0.1), ("smooth", 0.02)])
 @pytest.mark.parametrize("seed", range(2))
-def test_a_steady_wheel_whose_errors_nobody_told_shows_no_acceleration(seed: int, view: str, most: float) -> None:
-    """Errors of 0.03 mrad; taken for ripple they are 9 rad/s^2 and more. The shaft's own acceleration is 0.09."""
+def test_a_steady_wheel_with_unconfigured_errors_shows_no_acceleration(seed: int, view: str, most: float) -> None:
+    """Errors of 0.03 mrad; counted as ripple they are 9 rad/s^2 and more. The shaft's own acceleration is 0.09."""
     rng, teeth = np.random.default_rng(seed), 60
     errors, time = rng.normal(0.0, 3e-5, teeth), np.linspace(0.0, 15.0, 1_500_001)
     theta = 100.0 * time + 0.1 / 1.3 * (1.0 - np.cos(1.3 * time))
@@ -46,7 +46,7 @@ def test_a_steady_wheel_whose_errors_nobody_told_shows_no_acceleration(seed: int
     assert np.sqrt(np.mean(off**2)) < most
 
 
-def test_the_ripple_that_is_told_is_the_shafts() -> None:
+def test_the_reported_ripple_is_the_shafts() -> None:
     """Beside that of the same shaft on a wheel without pitch errors, in the orders of the turn; taken whole: 0.0012."""
     off = []
     for seed in (0, 1, 3, 5, 6):

@@ -1,4 +1,4 @@
-"""Arms that go to and fro within less than a turn: what their motion is, is no error of the stamps and no ripple."""
+"""Arms that oscillate within less than a turn: their motion is neither an error of the stamps nor ripple."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ STEP = TURN / 2**14
 
 
 def arm(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Times (n,) from one angle to the next, these and those after; minimum jerk (Flash and Hogan 1985), some rests."""
+    """Times (n,) from one angle to the next, these and those after; minimum jerk (Flash and Hogan 1985), pauses."""
     rng, begin, angle, moves = np.random.default_rng([seed, 3]), 0.5, 0.0, []
     while begin < TAKES_S - 1.0:
         takes, to = rng.uniform(0.2, 0.8), rng.uniform(-1.2, 1.2)
@@ -33,7 +33,7 @@ def at(moves: tuple[np.ndarray, np.ndarray, np.ndarray], time: np.ndarray) -> tu
 
 @pytest.mark.parametrize(("rate_hz", "most"), [(250.0, {"causal": 1.0, "smooth": 0.8}), (1000.0, {"causal": 1.0})])
 def test_its_speed_is_as_good_as_the_textbooks(rate_hz: float, most: dict[str, float]) -> None:
-    """The causal one was 1.37 and 1.09 of it: what a filter did not follow was taken for late stamps."""
+    """The causal error was 1.37 and 1.09 of it while motion that a filter did not follow counted as late stamps."""
     found: dict[str, list[float]] = {view: [] for view in most}
     for seed in range(4):
         time, moves = np.arange(1, int(TAKES_S * rate_hz)) / rate_hz, arm(seed)
@@ -55,7 +55,7 @@ def test_its_speed_is_as_good_as_the_textbooks(rate_hz: float, most: dict[str, f
 
 
 @pytest.mark.parametrize("jitter", [0.02, 0.1])
-def test_stamps_that_are_late_are_still_told(jitter: float) -> None:
+def test_late_stamps_are_still_reported(jitter: float) -> None:
     """Part of an interval: within a third, whatever the arm does."""
     for seed in range(3):
         time = np.arange(1, int(TAKES_S * 250.0)) / 250.0

@@ -1,4 +1,4 @@
-"""What sensors and machines do to an estimator: nothing raises or diverges, every accepted sample gets its state."""
+"""Faults of sensors and machines: nothing raises or diverges, every accepted sample gets its state."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def test_a_gap_of_ten_seconds(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_an_encoder_that_jumps_by_half_a_turn(name: str) -> None:
+def test_an_encoder_that_slips_by_half_a_turn(name: str) -> None:
     signal = make_signal(4, duration_s=8.0)
     jumped = signal.time > 4
     states, report = run(name, signal.stamps_ns, np.mod(signal.angles + np.pi * jumped, 2 * np.pi))

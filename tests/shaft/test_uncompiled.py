@@ -1,4 +1,4 @@
-"""Where numba is missing the same loops run as they stand, and give the same states."""
+"""The loops run without numba as plain Python, and give the same states."""
 
 from __future__ import annotations
 

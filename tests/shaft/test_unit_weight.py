@@ -21,8 +21,8 @@ def _turning(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarr
 
 
 @pytest.mark.parametrize("view", ["lag", "smooth"])
-def test_white_noise_is_told_where_the_motion_is_no_white_jerk(view: str) -> None:
-    """Half orders that nobody told of make predictions worse than white jerk would: 1.2 times the noise by these."""
+def test_white_noise_is_estimated_where_the_motion_is_no_white_jerk(view: str) -> None:
+    """Half orders without `cycle_turns` make predictions worse than white jerk would: 1.2 times the noise by these."""
     told, inside = [], []
     for seed in range(8):
         rng = np.random.default_rng(seed)
@@ -38,7 +38,7 @@ def test_white_noise_is_told_where_the_motion_is_no_white_jerk(view: str) -> Non
 
 
 @pytest.mark.parametrize("view", ["lag", "smooth"])
-def test_a_jitter_that_was_told_is_reported_as_it_was_told(view: str) -> None:
+def test_a_configured_jitter_is_reported_unchanged(view: str) -> None:
     """A setting is no estimate."""
     rng = np.random.default_rng(0)
     time, theta = _turning(rng, 1500)
@@ -49,8 +49,8 @@ def test_a_jitter_that_was_told_is_reported_as_it_was_told(view: str) -> None:
 
 
 @pytest.mark.parametrize("view", ["lag", "smooth"])
-def test_a_long_rest_is_no_proof_of_small_noise(view: str) -> None:
-    """An encoder at rest repeats its value for hours."""
+def test_a_long_standstill_is_no_proof_of_small_noise(view: str) -> None:
+    """An encoder at standstill repeats its value for hours."""
     rng = np.random.default_rng(1)
     time = np.arange(10_000) * 0.002
     speed = (20.0 + 2.0 * np.sin(3.0 * time)) * np.clip(9.0 - 2.0 * time, 0.0, 1.0)

@@ -12,15 +12,15 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled_in_place
-from textile_twin_core.shaft import lanes
+from textile_twin_core.shaft import layout
 from textile_twin_core.shaft.status import Record
 
-LEAST_SLOPE = 0.3  # of a clock over the angle, dphi/dtheta: one that stands still measures nothing
+LEAST_SLOPE = 0.3  # of a clock over the angle, dphi/dtheta: a clock that stands still measures nothing
 
 
 @compiled_in_place
 def set_basis_at(status: Record, theta: float, waves: int) -> None:
-    """cos and sin of theta times lowest, 2 lowest .. 2 waves lowest, alternating, unless `basis` has them already."""
+    """Set `basis` to cos and sin of lowest, 2 lowest .. 2 waves lowest times theta, alternating, unless it is so."""
     if waves == 0 or (status.basis_at == theta and status.basis_waves >= waves):
         return
     status.basis_at, status.basis_waves = theta, float(waves)
@@ -34,7 +34,7 @@ def set_basis_at(status: Record, theta: float, waves: int) -> None:
 
 @compiled_in_place
 def set_second(ripple: FloatArray, waves: int, lowest: float, second: FloatArray) -> None:
-    """Coefficients of g2 from those of g1: g1' = sum(p cos + q sin), squared and integrated."""
+    """Compute the coefficients of g2 from those of g1: g1' = sum(p cos + q sin), squared and integrated."""
     second[: 4 * waves] = 0.0
     for i in range(1, waves + 1):
         pi, qi = lowest * i * ripple[2 * i - 1], -lowest * i * ripple[2 * i - 2]
@@ -50,7 +50,7 @@ def set_second(ripple: FloatArray, waves: int, lowest: float, second: FloatArray
 
 @compiled_in_place
 def dot(a: FloatArray, b: FloatArray, size: int) -> float:
-    """Scalar product of the first so many elements."""
+    """Scalar product of the first `size` elements."""
     total = 0.0
     for k in range(size):
         total += a[k] * b[k]
@@ -66,7 +66,7 @@ def copy_numbers(source: FloatArray, target: FloatArray) -> None:
 
 @compiled_in_place
 def wave_at(status: Record, f: int, m: int, second: FloatArray, theta: float) -> tuple[float, float, float, float]:
-    """g and its first three derivatives at an angle, by the ripple of lane m of family f; `second` (., .) is added."""
+    """Return g and its first three derivatives at an angle: ripple of filter m of model f, plus `second` (., .)."""
     ripple, waves, basis = status.ripple[:, m], status.waves[f], status.basis
     set_basis_at(status, theta, waves)
     g0 = g1 = g2 = g3 = 0.0
@@ -87,16 +87,16 @@ def wave_at(status: Record, f: int, m: int, second: FloatArray, theta: float) ->
 
 @compiled_in_place
 def shaft_state(status: Record, f: int, m: int, clock: FloatArray, theta: float) -> tuple[float, float, float]:
-    """Angle, speed and acceleration of the shaft from its clock (9,) with the ripple of a lane, by a Newton step.
+    """Return the shaft's angle, speed and acceleration from its clock (9,) and a filter's ripple, by one Newton step.
 
-    The step is from `theta`. Sets `slopes` for `gradient`.
+    The step starts from `theta`. Sets `slopes` for `gradient`.
     """
     g, slopes = wave_at(status, f, m, status.shaft_second, theta), status.slopes
-    shift = (clock[lanes.ANGLE] - theta - g[0]) / max(1.0 + g[1], LEAST_SLOPE)
+    shift = (clock[layout.ANGLE] - theta - g[0]) / max(1.0 + g[1], LEAST_SLOPE)
     slope, bend = g[1] + shift * g[2], g[2] + shift * g[3]
     even = 1.0 / max(1.0 + slope, LEAST_SLOPE)
-    omega = clock[lanes.RATE] * even
-    alpha = (clock[lanes.ACCELERATION] - omega * omega * bend) * even
+    omega = clock[layout.RATE] * even
+    alpha = (clock[layout.ACCELERATION] - omega * omega * bend) * even
     slopes[0], slopes[1], slopes[2], slopes[3], slopes[4] = even, omega, alpha, bend, g[3]
     return theta + shift, omega, alpha
 
@@ -105,7 +105,7 @@ def shaft_state(status: Record, f: int, m: int, clock: FloatArray, theta: float)
 def gradient(
     clock: float, rate: float, acceleration: float, d0: float, d1: float, d2: float, slopes: FloatArray
 ) -> tuple[float, float, float]:
-    """Change of the shaft's angle, speed, acceleration for small ones of the clock's and of g, g', g'' (d0, d1, d2)."""
+    """Return changes of the shaft's angle, speed, acceleration by those of the clock and of g, g', g'' (d0, d1, d2)."""
     even, omega, alpha, bend = slopes[0], slopes[1], slopes[2], slopes[3]
     by0 = (clock - d0) * even
     by1 = (rate - omega * (d1 + bend * by0)) * even
@@ -115,16 +115,16 @@ def gradient(
 
 @compiled_in_place
 def add_spread(clock: FloatArray, slopes: FloatArray, scale: float, covariance: FloatArray) -> None:
-    """Add scale times what the factor in a clock (9,) makes of the shaft's covariance (9,)."""
-    column = gradient(clock[lanes.L20], clock[lanes.L10], clock[lanes.L00], 0.0, 0.0, 0.0, slopes)
+    """Add to the shaft's covariance (9,) `scale` times the contribution of the factor in a clock (9,)."""
+    column = gradient(clock[layout.L20], clock[layout.L10], clock[layout.L00], 0.0, 0.0, 0.0, slopes)
     add_products(column, scale, covariance)
-    add_products(gradient(clock[lanes.L21], clock[lanes.L11], 0.0, 0.0, 0.0, 0.0, slopes), scale, covariance)
-    add_products(gradient(clock[lanes.L22], 0.0, 0.0, 0.0, 0.0, 0.0, slopes), scale, covariance)
+    add_products(gradient(clock[layout.L21], clock[layout.L11], 0.0, 0.0, 0.0, 0.0, slopes), scale, covariance)
+    add_products(gradient(clock[layout.L22], 0.0, 0.0, 0.0, 0.0, 0.0, slopes), scale, covariance)
 
 
 @compiled_in_place
 def add_products(d: tuple[float, float, float], scale: float, covariance: FloatArray) -> None:
-    """Add scale times the products of three numbers to a covariance (9,), row by row."""
+    """Add `scale` times the products of three numbers to a covariance (9,), row by row."""
     for p in range(3):
         for q in range(3):
             covariance[3 * p + q] += scale * d[p] * d[q]
@@ -132,7 +132,7 @@ def add_products(d: tuple[float, float, float], scale: float, covariance: FloatA
 
 @compiled_in_place
 def add_ripple_covariance(status: Record, waves: int, m: int, scale: float, covariance: FloatArray) -> None:
-    """Add scale times the shaft's covariance (9,) due to lane m's uncertain ripple, at the basis and slopes."""
+    """Add `scale` times the shaft's covariance (9,) by filter m's uncertain ripple, at the current basis and slopes."""
     width, basis, sensitivity, factor = 2 * waves, status.basis, status.sensitivity, status.factor
     jacobian = status.ripple_jacobian
     for i in range(width):

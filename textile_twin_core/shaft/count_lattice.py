@@ -1,4 +1,4 @@
-"""The counts of an encoder behind readings that a log has rounded once more, to so many decimals of some unit.
+"""Counts of an encoder behind readings that a log has rounded once more, to decimals of some unit.
 
 Readings of N counts a turn lie on the lattice k turn / N + offset, and rounding moves each by half a unit at most. The
 mean of exp(2 pi i N x) over readings x [turns] is then near 1 in size; one Fourier transform of their histogram gives
@@ -16,16 +16,17 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.shaft.turns import TURN
 
 DECIMALS = range(1, 8)
-WHOLE = 1e-4  # of a unit's last decimal, within which a number counts as rounded to it
-MOSTLY = 0.9  # part of the moves that must be rounded; at a wrap of radians they are not
-FINEST = 2**19  # cells of a turn; a quarter of them are the most counts
-LEAST_COUNTS, LEAST_MEAN = 64, 0.2  # a turn; size of the mean for which counts are looked at
-LEAST_DISTINCT = 48  # counts that the readings must show
-MOST_COVERED = 0.75  # part of a count that the rounding may cover
-INSIDE, BEYOND = 0.95, 1.1  # part of the readings that must keep to the lattice; within so many half units
-MOST_LIKELY = 256  # candidates that are tried
-READINGS = 8192  # moving readings that are looked at
-BEYOND_UNITS, LEAST_ROUGH = 3.5, 0.02  # units in a third difference: smooth motion has fewer than 4; part that has more
+WHOLE = 1e-4  # part of a unit's last decimal within which a number counts as rounded to it
+MOSTLY = 0.9  # part of the moves that must be rounded; moves across a wrap in radians are not
+FINEST = 2**19  # cells of a turn; counts are at most a quarter of them
+LEAST_COUNTS, LEAST_MEAN = 64, 0.2  # a turn; size of the mean from which counts are candidates
+LEAST_DISTINCT = 48  # distinct counts that the readings must show
+MOST_COVERED = 0.75  # maximum part of a count that the rounding covers
+INSIDE, BEYOND = 0.95, 1.1  # part of the readings that must lie on the lattice; within this many half units
+MOST_LIKELY = 256  # maximum number of candidates
+READINGS = 8192  # moving readings that are used
+# units in a third difference, of which smooth motion has fewer than 4; part of them beyond
+BEYOND_UNITS, LEAST_ROUGH = 3.5, 0.02
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ class CountLattice:
     within: float
 
     def restored(self, angles: FloatArray) -> FloatArray:
-        """The encoder's own readings [rad] behind rounded ones (n,); a reading beside the lattice stays."""
+        """Return the encoder's own readings [rad] behind rounded ones (n,); a reading off the lattice stays."""
         place = angles / TURN * self.counts - self.offset
         count = np.rint(place)
         own = (count + self.offset) / self.counts * TURN
@@ -51,7 +52,7 @@ class CountLattice:
 
 
 def decimal_unit(angles: FloatArray, turn: float) -> float | None:
-    """The last decimal [turns] to which angles (n,) [rad] were rounded in a unit of which a turn has `turn`."""
+    """Return the last decimal [turns] to which angles (n,) [rad] were rounded, a turn being `turn` units of the log."""
     moves = np.abs(np.diff(angles)) / TURN
     moves = moves[(moves > 1e-9) & (moves < 0.5)]
     if moves.size < LEAST_DISTINCT:
@@ -59,21 +60,21 @@ def decimal_unit(angles: FloatArray, turn: float) -> float | None:
     for decimals in DECIMALS:
         unit = 10.0**-decimals / turn
         counts = moves / unit
-        # A unit that is fine beside the rounding of floating-point angles is met by chance.
+        # A unit close to the rounding of floating-point angles would match by chance.
         if unit * WHOLE > 1e-14 and np.mean(np.abs(counts - np.rint(counts)) < WHOLE) > MOSTLY:
             return unit
     return None
 
 
 def count_lattice(angles: FloatArray, turn: float) -> CountLattice | None:
-    """Find an encoder's counts behind angles that were rounded to decimals.
+    """Estimate an encoder's counts behind angles that were rounded to decimals.
 
     Args:
         angles: (n,) unwrapped readings [rad], whatever their offset.
-        turn: what a turn counts in the unit of the log.
+        turn: a turn in the unit of the log, such as 360.
 
     Returns:
-        The lattice of the counts; None where the angles are not rounded, or show no counts.
+        The lattice of the counts; None where the angles are not rounded or show no counts.
     """
     moving = np.flatnonzero(np.diff(angles) != 0.0)[:READINGS]
     if moving.size < LEAST_DISTINCT:
@@ -93,20 +94,20 @@ def count_lattice(angles: FloatArray, turn: float) -> CountLattice | None:
 
 
 def _roughness(turns: FloatArray, unit: float) -> float:
-    """Part of the third differences of readings (n,) that rounding to a unit alone cannot give."""
+    """Return the part of the third differences of readings (n,) that rounding to a unit alone cannot explain."""
     third = np.diff(turns, 3)
     moving = np.lib.stride_tricks.sliding_window_view(np.diff(turns) != 0.0, 3).any(axis=1)
     return float(np.mean(np.abs(third[moving]) > BEYOND_UNITS * unit)) if moving.any() else 0.0
 
 
 def _lattice(turns: FloatArray, counts: int, unit: float) -> CountLattice | None:
-    """The lattice of so many counts, if readings (n,) [turns] lie on it within half a unit and show enough of it."""
+    """Return the lattice of `counts` if readings (n,) [turns] lie on it within half a unit and show enough of it."""
     at = turns * counts
     offset = float(np.angle(np.mean(np.exp(2j * np.pi * at)))) / (2.0 * np.pi)
     place = at - offset
-    off = np.abs(place - np.rint(place))
+    distance = np.abs(place - np.rint(place))
     within = BEYOND * 0.5 * unit * counts + 1e-6 * counts / FINEST
     distinct = np.unique(np.rint(place)).size
-    # Readings spread evenly keep to it with the probability 2 within.
-    good = np.mean(off <= within) > INSIDE and distinct >= LEAST_DISTINCT and 2.0 * within < 0.85
+    # Evenly spread readings would lie on it with the probability 2 within.
+    good = np.mean(distance <= within) > INSIDE and distinct >= LEAST_DISTINCT and 2.0 * within < 0.85
     return CountLattice(counts, offset, within) if good else None

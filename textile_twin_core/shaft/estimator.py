@@ -1,4 +1,4 @@
-"""The filtered states (the view `causal`), and what the smoothing views share with it."""
+"""The filtered states (view `causal`), and the code shared with the smoothing views."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from textile_twin_core.shaft.measurement_noise import set_resolution
 from textile_twin_core.shaft.report import REJECTION_CAUSES, SampleReport
 from textile_twin_core.shaft.settings import ShaftSettings
 from textile_twin_core.shaft.states import INFLATION, OneState, ShaftStates
-from textile_twin_core.shaft.status import COUNTS, KEPT, MOTIONS, ROW, STATE, Records, Stamps, new_status
+from textile_twin_core.shaft.status import COUNTS, MOTIONS, PERSISTENT, ROW, STATE, Records, Stamps, new_status
 from textile_twin_core.shaft.teeth import ToothWheel
 from textile_twin_core.shaft.turns import TURN
 
@@ -26,14 +26,14 @@ Part = tuple[Stamps, Records]  # stamps and rows of accepted samples
 _STATE = struct.Struct(f"={STATE.names.index('settled') + 1}d" if STATE.names else "")
 _VARIANCE, _SPEED_VARIANCE_AT = struct.Struct("=d"), STATE.itemsize - 5 * 8  # of the covariance (9,), the last field
 SPEED_INFLATION = float(INFLATION[1])
-PIECE = 262_144  # samples filtered at once: an array of so many rows is returned to the system when it is freed
+PIECE = 262_144  # samples filtered at once: the system reclaims an array of so large a size when it is released
 
 
 class ShaftEstimator:
     """Recursive estimator: angle samples in, shaft states out.
 
-    The same samples give identical states however they are cut into blocks. From the third on each accepted sample gets
-    exactly one state, from the same or a later `step` or from `finish`.
+    The same samples give identical states in blocks of any size. From the third on, each accepted sample gets exactly
+    one state, from the same `step`, a later one, or `finish`.
 
     Args:
         settings: fields of `ShaftSettings`.
@@ -50,7 +50,7 @@ class ShaftEstimator:
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything, the report included."""
+        """Reset everything, the report included."""
         given = self._settings
         self._finder = StepFinder(given.period_rad, given.step_rad)
         self._status = new_status(given, 2)
@@ -61,15 +61,18 @@ class ShaftEstimator:
         self._begin()
 
     def _begin(self) -> None:
-        """Begin a record."""
+        """Start a record."""
 
     def step(self, stamps: ArrayLike, angles: ArrayLike, velocities: ArrayLike | None = None) -> ShaftStates:
-        """Take a block of samples of any size; the states that are ready.
+        """Process a block of samples of any size.
 
         Args:
             stamps: (n,) int64 nanoseconds or float seconds, or a scalar.
             angles: (n,) shaft angle [rad], wrapped or not.
-            velocities: (n,) speed [rad/s] where the sensor gives it (NaN where not).
+            velocities: (n,) speed [rad/s] of a sensor that measures it, NaN where missing.
+
+        Returns:
+            The states that became ready.
 
         Raises:
             MotionError: arrays of different lengths, or stamps of another kind than before.
@@ -77,15 +80,15 @@ class ShaftEstimator:
         return states_of(self._walk(stamps, angles, velocities))
 
     def serves_one(self, stamp: int | float) -> bool:
-        """Whether `step_one` may be called: stamps are integers, and nothing is learnt between the samples."""
+        """Return whether `step_one` may be called: stamps are integers, and no learning between samples is pending."""
         ready = self.at_once and self._kind == "l" and self._wheel is None
         return ready and type(stamp) is int and not self._finder.wanted
 
     def step_one(self, stamp: int, angle: float, velocity: float) -> OneState | None:
-        """Take a sample: stamp [ns], angle [rad], speed [rad/s] or NaN; its state, None where it has none.
+        """Process one sample: stamp [ns], angle [rad], speed [rad/s] or NaN; return its state, None if it has none.
 
-        A live node wakes for each sample with cold caches, where making, checking and looking up arrays around the loop
-        takes five times as long as the loop: the block is made once.
+        A live node wakes for each sample with cold caches: creating and checking arrays would take five times as long
+        as the filter. The block is therefore created once.
         """
         if self._last is not self._one.last:
             self._one = Block(self._last, np.zeros(1, np.int64), np.zeros(1), np.zeros(1), np.zeros(1))
@@ -99,14 +102,14 @@ class ShaftEstimator:
 
     @property
     def omega_sigma_rad_s(self) -> float:
-        """Standard deviation of the speed that `step_one` gave last [rad/s]."""
+        """Standard deviation of the last speed from `step_one` [rad/s]."""
         (variance,) = _VARIANCE.unpack_from(self._row, _SPEED_VARIANCE_AT)
         return math.sqrt(max(variance, 0.0)) * SPEED_INFLATION
 
     def finish(self) -> ShaftStates:
-        """The states that are still held; the estimator is then as after `reset`, but for report and newest stamp."""
+        """End the record and return the remaining states; report and newest stamp persist, everything else is reset."""
         fresh = new_status(self._settings, 2)
-        for name in KEPT:
+        for name in PERSISTENT:
             fresh[name] = self._status[name]
         self._status = fresh
         self._begin()
@@ -133,7 +136,7 @@ class ShaftEstimator:
         )
 
     def _walk(self, stamps: ArrayLike, angles: ArrayLike, velocities: ArrayLike | None) -> list[Part]:
-        """Take samples piece by piece, the encoder's resolution estimated between them; the rows of each piece."""
+        """Process samples in pieces, estimating the encoder's resolution in between; return the rows of each piece."""
         stamp, angle, velocity = _as_samples(stamps, angles, velocities)
         if self._kind != stamp.dtype.char:
             if self._last.dtype != stamp.dtype and self._status["accepted"][0] > 0:
@@ -157,15 +160,15 @@ class ShaftEstimator:
         return parts
 
     def _room(self, more: int) -> Part:
-        """Room for the states that become ready with so many samples."""
+        """Allocate arrays for the states that `more` further samples make ready."""
         return np.empty(more, self._last.dtype), records(ROW, more)
 
     def _piece(self) -> int:
-        """Most samples in a block."""
+        """Maximum number of samples in a block."""
         return self._finder.wanted or PIECE
 
     def _take(self, block: Block, ready: Stamps, rows: Records) -> int:
-        """Filter a block; sets stamps and rows of the states that become ready, and returns their number."""
+        """Filter a block; write stamps and rows of the states that become ready, and return their number."""
         stamps = block.stamps
         count = run_filter(self._status, block, rows)
         if count < stamps.size:
@@ -174,9 +177,9 @@ class ShaftEstimator:
         return count
 
     def _find_step(self, block: Block) -> None:
-        """Look for the encoder's step in a block that was filtered."""
-        used = ~np.isnan(block.heard)
-        step = self._finder.take(block.stamps[used].astype(np.float64), block.heard[used])
+        """Search the encoder's step in a filtered block."""
+        used = ~np.isnan(block.unwrapped)
+        step = self._finder.take(block.stamps[used].astype(np.float64), block.unwrapped[used])
         if step is not None:
             set_resolution(self._status, step)
 
@@ -184,10 +187,10 @@ class ShaftEstimator:
 def _as_samples(
     stamps: ArrayLike, angles: ArrayLike, velocities: ArrayLike | None
 ) -> tuple[Stamps, FloatArray, FloatArray]:
-    """Samples as arrays: stamps int64 [ns] or float64 [s], angles [rad], velocities [rad/s] (empty for none).
+    """Convert samples to arrays: stamps int64 [ns] or float64 [s], angles [rad], velocities [rad/s] (empty for none).
 
     Raises:
-        MotionError: arrays of different lengths, or stamps that are no numbers.
+        MotionError: arrays of different lengths, or stamps that are not numbers.
     """
     stamp, angle = np.asarray(stamps), np.ascontiguousarray(angles, dtype=np.float64)
     kind = stamp.dtype.kind
@@ -206,7 +209,7 @@ def _as_samples(
 
 
 def joined(parts: list[Part]) -> Part:
-    """Stamps and rows of all parts; empties the list on the way, as the rows of hours are large."""
+    """Join stamps and rows of all parts; empties the list meanwhile, as the rows of hours are large."""
     if len(parts) == 1:
         return parts.pop()
     count = sum(stamps.size for stamps, _ in parts)
@@ -219,17 +222,17 @@ def joined(parts: list[Part]) -> Part:
 
 
 def states_of(parts: list[Part]) -> ShaftStates:
-    """States of the rows, but for the first two samples of a record, which have none."""
+    """Return the states of the rows, without the first two samples of a record, which have none."""
     stamps, rows = joined(parts)
     first = int(np.count_nonzero(rows["settled"][:2] < 0.0))
     return ShaftStates(stamps[first:], rows[first:])
 
 
 def _ripple_amplitudes(record: Records) -> FloatArray:
-    """Amplitude of the speed's ripple in each order of the leading family, relative to the speed."""
+    """Return the amplitude of the speed's ripple in each order of the leading model, relative to the speed."""
     status = record[0]
-    family = int(status["leading"])
-    waves = int(status["waves"][family])
-    ripple = status["ripple"][: 2 * waves, int(status["best"][family])] - status["sensor_ripple"][family][: 2 * waves]
+    model = int(status["leading"])
+    waves = int(status["waves"][model])
+    ripple = status["ripple"][: 2 * waves, int(status["best"][model])] - status["sensor_ripple"][model][: 2 * waves]
     cosines, sines = ripple.reshape(-1, 2).T
     return np.asarray(np.hypot(cosines, sines) * status["lowest"] * np.arange(1, waves + 1))

@@ -1,4 +1,4 @@
-"""Fixed-interval smoothing of a whole record, with the model chosen stretch by stretch (the view `smooth`)."""
+"""Fixed-interval smoothing of a whole record, with the model selected stretch by stretch (view `smooth`)."""
 
 from __future__ import annotations
 
@@ -8,31 +8,32 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from textile_twin_core.arrays import BoolArray, FloatArray
-from textile_twin_core.shaft import lanes
+from textile_twin_core.shaft import layout
 from textile_twin_core.shaft.clock import set_second
 from textile_twin_core.shaft.estimator import PIECE, Part, ShaftEstimator, joined, states_of
-from textile_twin_core.shaft.families import SEEN_CYCLES
 from textile_twin_core.shaft.filter import Block
-from textile_twin_core.shaft.measurement_noise import FINEST_RAD2, MOST_CORRELATED, OFTEN_HELD, measurement_variance
+from textile_twin_core.shaft.measurement_noise import FINEST_RAD2, MOST_CORRELATED, REPEATING, measurement_variance
+from textile_twin_core.shaft.model_bank import SEEN_CYCLES
 from textile_twin_core.shaft.residual_orders import set_sensor_power
-from textile_twin_core.shaft.rts_smoother import new_smoother, smooth_family
+from textile_twin_core.shaft.rts_smoother import new_smoother, smooth_model
 from textile_twin_core.shaft.states import ShaftStates
 from textile_twin_core.shaft.status import ROW, STATE, STRETCH, Records, Stamps
 from textile_twin_core.shaft.teeth import ToothWheel
 from textile_twin_core.shaft.turns import TURN
 from textile_twin_core.shaft.unit_weight import FIRST_WEIGHT, adopt_weight, scale_covariances
 
-LOOK_EVERY = 1024  # samples between two checks whether the ripple is another
-FIRST_LOOK = 128  # after which the first is; then each time after as many again as there were, up to LOOK_EVERY
-CHANGED, UNSURE = 0.25, 3.0  # a change exceeds so many sigmas of a measurement and of the ripples' difference
-LESS_SURE = 2.0  # times the sigma of the same ripple known before, from which the earlier one stays
-MOST_KNOWN = 64  # ripples kept; beyond, every second one is dropped
+LOOK_EVERY = 1024  # samples between two checks whether the ripple has changed
+FIRST_LOOK = 128  # samples until the first check; the interval then doubles up to LOOK_EVERY
+# a change exceeds this part of a measurement's sigma, and this multiple of the sigma of the ripples' difference
+CHANGED, UNSURE = 0.25, 3.0
+LESS_SURE = 2.0  # ratio of sigmas from which the earlier estimate of the same ripple stays
+MOST_KNOWN = 64  # maximum number of stored ripples; beyond, every second one is dropped
 PITCH_PASSES = 4  # smoothing passes whose residuals correct the teeth's pitch errors
-LEAST_LEFT = 1e-4  # part of the readings' variance that pitch errors leave at least
-LEAST_LED = 0.05  # part of a stretch in which a family must lead to be a candidate
-MODEL_PARTS, MODEL_ROWS = 32, 256  # parts of a long stretch, and rows of each, that suffice to choose its model
+LEAST_LEFT = 1e-4  # least part of the readings' variance without pitch errors
+LEAST_LED = 0.05  # part of a stretch in which a model must lead to be a candidate
+MODEL_PARTS, MODEL_ROWS = 32, 256  # parts of a long stretch, and rows of each, that suffice to select its model
 OVERLAP = 512  # rows on either side of a part that are smoothed along with it
-PENALTY = 0.5  # log likelihood for each row that is given a memory of its own
+PENALTY = 0.5  # log-likelihood for each row with a memory of its own
 CONVERGENCE = 128  # first rows of a stretch, in which the bank may not have converged
 FEWEST = 4  # rows below which a stretch keeps the filter's states
 
@@ -43,7 +44,7 @@ class SmoothEstimator(ShaftEstimator):
     at_once = False
 
     def _begin(self) -> None:
-        # Copies of the status where each ripple was known best; `received` is the last sample that it holds for.
+        # Copies of the status where each ripple was known best; `received` is the last sample with this ripple.
         self._known: list[Records] = []
         self._taken, self._due = 0, FIRST_LOOK
         self._guessed = 0.0  # samples for which the encoder's step was a guess
@@ -52,11 +53,11 @@ class SmoothEstimator(ShaftEstimator):
         self._count = 0
 
     def step(self, stamps: ArrayLike, angles: ArrayLike, velocities: ArrayLike | None = None) -> ShaftStates:
-        """Take a block of samples; no state is ready before `finish`."""
+        """Process a block of samples; no state is ready before `finish`."""
         parts = self._walk(stamps, angles, velocities)
         self._new.extend(parts)
         self._count += sum(len(rows) for _, rows in parts)
-        if self._count >= PIECE:  # memory of large arrays goes back to the computer, that of many small ones does not
+        if self._count >= PIECE:  # the system reclaims the memory of large arrays, not of many small ones
             self._blocks.append(joined(self._new))
             self._count = 0
         return ShaftStates.empty(self._last)
@@ -75,58 +76,58 @@ class SmoothEstimator(ShaftEstimator):
         return count
 
     def _keep_ripple(self) -> None:
-        """Keep the status if its ripple is certain: in place of the last one unless the ripple changed."""
-        ripple, sigma, reading = _ripple(self._surest)
+        """Store the status if its ripple is certain: it replaces the last one unless the ripple changed."""
+        ripple, sigma, reading = _ripple(self._confirmed)
         if not 0.0 < sigma < CHANGED * reading:
             return
         if self._known:
             before, sigma_before, _ = _ripple(self._known[-1])
             if _rms(ripple - before) < max(CHANGED * reading, UNSURE * float(np.hypot(sigma, sigma_before))):
                 if sigma > LESS_SURE * sigma_before:
-                    self._known[-1]["received"] = self._surest["received"]
+                    self._known[-1]["received"] = self._confirmed["received"]
                     return
                 self._known.pop()
-        self._known.append(self._surest.copy())
+        self._known.append(self._confirmed.copy())
         if len(self._known) > MOST_KNOWN:
             del self._known[1::2]
 
     @property
-    def _surest(self) -> Records:
-        """The filter's status, without a reading that is in doubt."""
-        return self._status[1:] if self._status["doubtful"][0] > 0.0 else self._status[:1]
+    def _confirmed(self) -> Records:
+        """The filter's status without a provisional reading."""
+        return self._status[1:] if self._status["provisional"][0] > 0.0 else self._status[:1]
 
     def finish(self) -> ShaftStates:
-        """The states of all samples from the third on."""
+        """Return the states of all samples from the third on."""
         blocks = self._blocks + self._new
         if not blocks:
             return ShaftStates.empty(self._last)
-        self._blocks, self._new = [], []  # whose memory `joined` gives back
+        self._blocks, self._new = [], []  # `joined` releases their memory
         stamps, rows = joined(blocks)
         self._keep_ripple()
-        if not self._known or self._known[-1]["received"][0] != self._surest["received"][0]:
-            self._known.append(self._surest.copy())
+        if not self._known or self._known[-1]["received"][0] != self._confirmed["received"][0]:
+            self._known.append(self._confirmed.copy())
         for status in self._known:  # ripple changes, the sensor does not
-            set_sensor_power(status, float(self._surest["sensor_power"][0]))
-        self._correct_rests(rows)
+            set_sensor_power(status, float(self._confirmed["sensor_power"][0]))
+        self._correct_standstills(rows)
         self._smooth(rows)
         super().finish()
         return states_of([(stamps, _compact(rows))])
 
-    def _correct_rests(self, rows: Records) -> None:
-        """Where the encoder's step was a guess, readings at rest have the noise of the step that was found later.
+    def _correct_standstills(self, rows: Records) -> None:
+        """Correct the noise of readings at standstill before the encoder's step was known, to that of the step.
 
-        At rest filters take the guess for granted; while the shaft turns they learn what the noise is.
+        At standstill filters rely on the guessed step; while the shaft turns they estimate the noise.
         """
         now, step = self._status[0], self._finder.step
         if step:
-            known = max(MOST_CORRELATED * step**2 / 12.0, now["additive"], now["noise_at_rest"]) + FINEST_RAD2
-            rests = (rows["index"] < self._guessed) & (rows["noise"] == rows["unit"]) & (rows["unit"] > known)
-            rows["noise"][rests] = rows["unit"][rests] = known
+            known = max(MOST_CORRELATED * step**2 / 12.0, now["additive"], now["standstill_noise"]) + FINEST_RAD2
+            still = (rows["index"] < self._guessed) & (rows["noise"] == rows["unit"]) & (rows["unit"] > known)
+            rows["noise"][still] = rows["unit"][still] = known
 
     def _smooth(self, rows: Records) -> None:
-        """Smooth each stretch; repeatedly with a toothed wheel, whose pitch errors are learnt from the residuals."""
-        if self._status["held"][0] > OFTEN_HELD:
-            _set_copies_aside(rows, float(self._status["longest_hold"][0]))
+        """Smooth each stretch; repeat with a toothed wheel, whose pitch errors are estimated from the residuals."""
+        if self._status["repeat_share"][0] > REPEATING:
+            _reject_copies(rows, float(self._status["longest_repeat"][0]))
         cuts = np.flatnonzero(rows["cut"] >= STRETCH).tolist()
         stretches = [rows[first:end] for first, end in pairwise([*cuts, len(rows)])]
         for stretch in stretches:
@@ -144,19 +145,19 @@ class SmoothEstimator(ShaftEstimator):
         adopt_weight(self._status, weight)
 
     def _choose_first_memories(self, rows: Records) -> None:
-        """Memories of the first half of rows: the next rows' shortest, unless the bank's own are much likelier."""
+        """Set memories of the first half of rows to the second half's shortest, unless the bank's are much likelier."""
         if len(rows) < FEWEST:
             return
         first, smoother = len(rows) // 2, new_smoother(self._settings, len(rows))
         own, fits = rows["memory"][:first].copy(), []
         for memories in (own, np.min(rows["memory"][first:], axis=0)):
             rows["memory"][:first] = memories
-            fits.append(smooth_family(smoother, self._known[-1], lanes.PLAIN, rows, 1, 0))
+            fits.append(smooth_model(smoother, self._known[-1], layout.PLAIN, rows, 1, 0))
         if fits[0] > fits[1] + PENALTY * first:
             rows["memory"][:first] = own
 
     def _learn_wheel(self, wheel: ToothWheel, rows: Records, first: bool) -> None:
-        """Take pitch errors out of the readings; at first out of their noise and of the known ripples, too."""
+        """Remove pitch errors from the readings; at first also from their noise and from the stored ripples."""
         residual = rows["reading"] - rows["phase"] - (rows["turns"] - rows["origin"]) * TURN
         change = wheel.learn(rows["reading"], residual)
         rows["reading"] += change
@@ -168,88 +169,88 @@ class SmoothEstimator(ShaftEstimator):
         last = self._known[-1][0]
         mine, lowest = last["sensor_ripple"][int(last["leading"])].copy(), float(last["lowest"])
         for status in [*self._known, self._status]:
-            for f in range(1, lanes.FAMILIES):
+            for f in range(1, layout.MODELS):
                 ripple, waves = status[0]["ripple"][:, status[0]["best"][f]], int(status[0]["waves"][f])
                 ripple[: 2 * waves] -= mine[: 2 * waves]
                 set_second(ripple, waves, lowest, status[0]["second"][f])
             status["sensor_ripple"], status["shaft_second"] = 0.0, status["second"]
 
     def _smooth_stretch(self, rows: Records) -> None:
-        """Smooth a stretch in parts of one model each, chosen wherever the known ripple changed."""
+        """Smooth a stretch in parts of one model each, selected wherever the stored ripple changed."""
         known = self._known
         changes = np.searchsorted(rows["index"], [status["received"][0] for status in known[:-1]])
-        led = np.bincount(rows["leading"].astype(np.int64), minlength=lanes.FAMILIES) > LEAST_LED * len(rows)
+        led = np.bincount(rows["leading"].astype(np.int64), minlength=layout.MODELS) > LEAST_LED * len(rows)
         parts: list[tuple[int, Records, int]] = []
         for i, (first, end) in enumerate(pairwise([0, *changes.tolist(), len(rows)])):
             if end > first:
                 near = known[max(i - 1, 0) : i + 2]
-                status, family = self._likeliest(rows[max(first - OVERLAP, 0) : end + OVERLAP], led, near)
-                if not parts or parts[-1][1] is not status or parts[-1][2] != family:
-                    parts.append((first, status, family))
+                status, model = self._likeliest(rows[max(first - OVERLAP, 0) : end + OVERLAP], led, near)
+                if not parts or parts[-1][1] is not status or parts[-1][2] != model:
+                    parts.append((first, status, model))
         ends = [first for first, _, _ in parts[1:]] + [len(rows)]
-        for (first, status, family), end in zip(parts, ends, strict=True):
+        for (first, status, model), end in zip(parts, ends, strict=True):
             begin = max(first - OVERLAP, 0)
             begin += int(np.argmax(rows["noise"][begin:] > 0.0))
             part = rows[begin : end + OVERLAP]
             if len(part) >= FEWEST:
                 smoother = new_smoother(self._settings, len(part))
-                smooth_family(smoother, status, family, part, max(first - begin, 1), end - begin - 1)
+                smooth_model(smoother, status, model, part, max(first - begin, 1), end - begin - 1)
 
     def _likeliest(self, rows: Records, led: BoolArray, known: list[Records]) -> tuple[Records, int]:
-        """The ripple and family of largest likelihood, penalised by the number of coefficients (Schwarz 1978).
+        """Select ripple and model by likelihood, penalised by the number of coefficients (Schwarz 1978).
 
-        Candidates are the known ripples of families that led, and the plain model: all ripples may be wrong here.
+        Candidates are the stored ripples of models that led, and the plain model: all ripples may be wrong here.
         """
-        least, families = SEEN_CYCLES * (self._settings.cycle_turns * TURN), range(1, lanes.FAMILIES)
-        tried = [(status, f) for status in known for f in families if led[f] and status["travelled"][0][f] >= least]
+        least, models = SEEN_CYCLES * (self._settings.cycle_turns * TURN), range(1, layout.MODELS)
+        tried = [(status, f) for status in known for f in models if led[f] and status["travelled"][0][f] >= least]
         if len(tried) != 1 or led[0]:
-            tried.insert(0, (self._known[-1], lanes.PLAIN))
+            tried.insert(0, (self._known[-1], layout.PLAIN))
         if len(tried) < 2:
             return tried[0]
         parts = _model_parts(rows)
         smoother, penalty = new_smoother(self._settings, max(map(len, parts))), np.log(sum(map(len, parts)))
-        fits = [sum(smooth_family(smoother, status, f, part, 1, 0) for part in parts) for status, f in tried]
+        fits = [sum(smooth_model(smoother, status, f, part, 1, 0) for part in parts) for status, f in tried]
         waves = np.array([status["waves"][0][f] for status, f in tried])
         return tried[int(np.argmax(np.asarray(fits) - penalty * waves))]
 
 
 def _ripple(status: Records) -> tuple[FloatArray, float, float]:
-    """Coefficients (WIDEST,) of the leading ripple, their sigma (RMS over a turn) and a measurement's [rad]."""
+    """Return coefficients (WIDEST,) of the leading ripple, their sigma (RMS over a turn) and a measurement's [rad]."""
     now = status[0]
-    lane, width = int(now["best"][now["leading"]]), 2 * int(now["waves"][now["leading"]])
-    ripple, scale = np.where(np.arange(lanes.WIDEST) < width, now["ripple"][:, lane], 0.0), float(now["scale"][lane])
-    sigma = _rms(now["factor"][:width, :width, lane]) * np.sqrt(scale)
+    index, width = int(now["best"][now["leading"]]), 2 * int(now["waves"][now["leading"]])
+    ripple, scale = np.where(np.arange(layout.WIDEST) < width, now["ripple"][:, index], 0.0), float(now["scale"][index])
+    sigma = _rms(now["factor"][:width, :width, index]) * np.sqrt(scale)
     return ripple, sigma, float(np.sqrt(scale * measurement_variance(now)))
 
 
 def _rms(coefficients: FloatArray) -> float:
-    """Of the ripple with these coefficients, over a turn."""
+    """Return the RMS over a turn of the ripple with these coefficients."""
     return float(np.sqrt(0.5 * np.sum(coefficients**2)))
 
 
-def _set_copies_aside(rows: Records, longest_hold: float) -> None:
-    """Set readings aside that the sensor said again, before the filter knew that it does; longer repeats are stops."""
+def _reject_copies(rows: Records, longest_repeat: float) -> None:
+    """Reject repeated readings from before the repetitions of the sensor were known; longer repeats are stops."""
     repeats = np.append(False, rows["reading"][1:] == rows["reading"][:-1])
     run = np.cumsum(~repeats)
-    rows["noise"][repeats & (np.bincount(run)[run] <= longest_hold + 2.0)] = 0.0
+    rows["noise"][repeats & (np.bincount(run)[run] <= longest_repeat + 2.0)] = 0.0
 
 
 def _compact(rows: Records) -> Records:
-    """The states of the rows, in the memory of the rows: hours of both would be too much."""
+    """Return the states of the rows, in the memory of the rows: hours of both would be too much."""
     if not rows.flags.owndata:
         rows = rows.copy()
-    width, kept, count = ROW.itemsize // 8, STATE.itemsize // 8, len(rows)
+    width, fields, count = ROW.itemsize // 8, STATE.itemsize // 8, len(rows)
     numbers = rows.view(np.float64).reshape(-1)
     for first in range(0, count, PIECE):
-        part = numbers[first * width : (first + PIECE) * width].reshape(-1, width)[:, :kept].copy()
-        numbers[first * kept : first * kept + part.size] = part.reshape(-1)
+        part = numbers[first * width : (first + PIECE) * width].reshape(-1, width)[:, :fields].copy()
+        numbers[first * fields : first * fields + part.size] = part.reshape(-1)
     del numbers
-    rows.resize(-(-count * kept // width), refcheck=False)
-    return rows.view(np.float64).reshape(-1)[: count * kept].view(STATE)
+    rows.resize(-(-count * fields // width), refcheck=False)
+    return rows.view(np.float64).reshape(-1)[: count * fields].view(STATE)
 
 
 def _model_parts(rows: Records) -> list[Records]:
-    """Rows to choose a model by: parts evenly spaced in a long stretch, each from an accepted reading on."""
+    """Return rows to select a model by: parts evenly spaced in a long stretch, each from an accepted reading on."""
     parts = [rows]
     if len(rows) > MODEL_PARTS * MODEL_ROWS:
         starts = np.linspace(0, len(rows) - MODEL_ROWS, MODEL_PARTS).astype(np.int64)

@@ -1,4 +1,4 @@
-"""Fixed-lag smoothing: each state uses all samples up to a time after its own (the view `lag`)."""
+"""Fixed-lag smoothing: each state uses all samples up to a lag after its own (view `lag`)."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ from textile_twin_core.shaft.states import ShaftStates
 from textile_twin_core.shaft.status import ROW, STRETCH, Records, Stamps
 from textile_twin_core.shaft.unit_weight import FIRST_WEIGHT, adopt_weight, scale_covariances
 
-MOST_ROWS = 512  # rows in the window at most: a longer lag at a high rate is cut
+MOST_ROWS = 512  # maximum rows in the window: a longer lag at a high rate is cut
 BATCH = 3  # rows are released when they are 1 / BATCH of those beyond them: one backward pass serves all of them
-CERTAIN = 0.5  # mode probability from which a family's ripple is smoothed with
+CERTAIN = 0.5  # model probability from which a model's ripple is used for smoothing
 
-# Lag [s]; rows in the window; rows released by this call; 1 where the smoother must begin again; see `unit_weight`.
-HELD = np.dtype(
+# Lag [s]; rows in the window; rows released by this call; 1 where the smoother must restart; see `unit_weight`.
+PROGRESS = np.dtype(
     [("lag", np.float64), ("rows", np.int64), ("ready", np.int64), ("restart", np.int64), ("weight", np.float64, (2,))]
 )
 
 
 @by_reference
 class Window(NamedTuple):
-    """Rows that wait to be smoothed; the first is the smoother's initial state and already released."""
+    """Rows to be smoothed; the first one is the smoother's initial state and already released."""
 
-    held: Records  # (1,) HELD
+    progress: Records  # (1,) PROGRESS
     rows: Records  # (MOST_ROWS,)
-    filtered: Records  # (1,) the first row as it was filtered
+    filtered: Records  # (1,) the first row before smoothing
     stamps: Stamps  # (MOST_ROWS,)
 
 
 class LagEstimator(ShaftEstimator):
-    """Filters, and smooths over a window of the lag; states become ready up to a third of the lag later than that.
+    """Filter and smooth over a window of the lag; a state is ready one lag, up to 4/3 of it, after its sample.
 
     Args:
         shaft_lag_s: the lag [s].
@@ -56,37 +56,37 @@ class LagEstimator(ShaftEstimator):
         super().__init__(**settings)
 
     def _begin(self) -> None:
-        self._window = Window(records(HELD), records(ROW, MOST_ROWS), records(ROW), np.zeros(MOST_ROWS, np.int64))
-        self._window.held["lag"] = self._lag
-        self._window.held["weight"] = FIRST_WEIGHT
+        self._window = Window(records(PROGRESS), records(ROW, MOST_ROWS), records(ROW), np.zeros(MOST_ROWS, np.int64))
+        self._window.progress["lag"] = self._lag
+        self._window.progress["weight"] = FIRST_WEIGHT
         self._smoother = new_smoother(self._settings, MOST_ROWS)
 
     def _room(self, more: int) -> Part:
         if self._window.stamps.dtype != self._last.dtype:
             self._window = self._window._replace(stamps=np.zeros(MOST_ROWS, self._last.dtype))
-        return super()._room(int(self._window.held["rows"][0]) + more)
+        return super()._room(int(self._window.progress["rows"][0]) + more)
 
     def _take(self, block: Block, ready: Stamps, rows: Records) -> int:
         return _follow(self._status, block, self._window, self._smoother, ready, rows)
 
     def finish(self) -> ShaftStates:
-        """The states still held; then the estimator begins again, but for the report and the newest stamp."""
-        self._window.held["ready"] = 0
+        """End the record and return the remaining states; report and newest stamp persist."""
+        self._window.progress["ready"] = 0
         ready, rows = self._room(0)
-        _release(self._status, int(self._window.held["rows"][0]) - 1, self._window, self._smoother, ready, rows)
-        count = int(self._window.held["ready"][0])
-        adopt_weight(self._status, self._window.held["weight"][0])
+        _release(self._status, int(self._window.progress["rows"][0]) - 1, self._window, self._smoother, ready, rows)
+        count = int(self._window.progress["ready"][0])
+        adopt_weight(self._status, self._window.progress["weight"][0])
         super().finish()
         return states_of([(ready[:count], rows[:count])])
 
 
 @compiled_in_place
 def _follow(record: Records, block: Block, window: Window, smoother: Smoother, ready: Stamps, table: Records) -> int:
-    """Filter a block; released rows go to `table` and their stamps to `ready`. Returns their number."""
-    held, rows = window.held[0], window.rows
-    held.ready = 0
+    """Filter a block; write released rows to `table` and their stamps to `ready`; return their number."""
+    progress, rows = window.progress[0], window.rows
+    progress.ready = 0
     for i in range(block.stamps.size):
-        last = held.rows
+        last = progress.rows
         row = rows[last]
         if not process_sample(record, block, i, row) or record[0].samples == 1.0:
             continue
@@ -94,19 +94,19 @@ def _follow(record: Records, block: Block, window: Window, smoother: Smoother, r
         if row.cut >= STRETCH:
             _release(record, last - 1, window, smoother, ready, table)
             rows[0], window.stamps[0] = rows[last], window.stamps[last]
-            window.filtered[0], held.rows, held.restart = rows[0], 1, 1
+            window.filtered[0], progress.rows, progress.restart = rows[0], 1, 1
             if rows[0].settled >= 0.0:
                 _emit(window, 0, ready, table)
             continue
-        held.rows += 1
+        progress.rows += 1
         full, due = last == MOST_ROWS - 1, 0
-        while due < last and row.time - rows[due + 1].time >= held.lag:
+        while due < last and row.time - rows[due + 1].time >= progress.lag:
             due += 1
         if full:
             due = max(due, last // (BATCH + 1))
         if due > 0 and (due >= (last - due) // BATCH or full):
             _release(record, due, window, smoother, ready, table)
-    return held.ready
+    return progress.ready
 
 
 @compiled_in_place
@@ -114,29 +114,29 @@ def _release(record: Records, due: int, window: Window, smoother: Smoother, read
     """Smooth the window and release the `due` rows after the first, if any; the last of these becomes the first."""
     if due <= 0:
         return
-    held, status, filters = window.held[0], record[0], smoother.filters[0]
-    known = status.since > 0.0  # else it has restarted
+    progress, status, filters = window.progress[0], record[0], smoother.filters[0]
+    known = status.since > 0.0  # otherwise it has restarted
     if known and status.mode_probability[status.leading] > CERTAIN:
-        # With another ripple the clock is another, of which the state so far knows little.
+        # Another ripple means another clock, for which the state so far is inaccurate.
         f = status.leading
-        held.restart += f != filters.leading or status.waves[f] != filters.waves[f]
+        progress.restart += f != filters.leading or status.waves[f] != filters.waves[f]
         set_ripple(filters, status, f)
-    if held.restart != 0 or is_far(smoother, window.filtered[0]):
+    if progress.restart != 0 or is_far(smoother, window.filtered[0]):
         begin_at_row(smoother, window.filtered[0])
-    held.restart = 0
+    progress.restart = 0
     window.filtered[0] = window.rows[due]
-    smooth(smoother, window.rows[: held.rows], 1, due)
+    smooth(smoother, window.rows[: progress.rows], 1, due)
     copy_numbers(smoother.filtered[due], smoother.filtered[0])
-    scale_covariances(held.weight, window.rows[1 : due + 1])
+    scale_covariances(progress.weight, window.rows[1 : due + 1])
     for k in range(1, due + 1):
         _emit(window, k, ready, table)
-    for k in range(due, held.rows):
+    for k in range(due, progress.rows):
         window.rows[k - due], window.stamps[k - due] = window.rows[k], window.stamps[k]
-    held.rows -= due
+    progress.rows -= due
 
 
 @compiled_in_place
 def _emit(window: Window, k: int, ready: Stamps, table: Records) -> None:
-    held = window.held[0]
-    table[held.ready], ready[held.ready] = window.rows[k], window.stamps[k]
-    held.ready += 1
+    progress = window.progress[0]
+    table[progress.ready], ready[progress.ready] = window.rows[k], window.stamps[k]
+    progress.ready += 1

@@ -1,8 +1,8 @@
-"""Square-root Kalman filters of angle, rate and acceleration, vectorised over lanes; covariances stay positive.
+"""Square-root Kalman filters of angle, rate and acceleration, vectorised over filters; covariances stay positive.
 
-Each lane of `filters` (see `status`) holds acceleration, rate and angle of its clock and the lower triangular factor L
-of their covariance P = L L' in that order, in which the time update keeps the triangle. Lane indices are unsigned: the
-check for negative ones would prevent vectorisation.
+Each filter of `filters` (see `status`) holds acceleration, rate and angle of its clock and the lower triangular factor
+L of their covariance P = L L' in that order, in which the time update preserves the triangle. Filter indices are
+unsigned: the check for negative ones would prevent vectorisation.
 """
 
 from __future__ import annotations
@@ -11,27 +11,27 @@ import math
 
 import numpy as np
 
-from textile_twin_core.shaft import lanes
+from textile_twin_core.shaft import layout
 from textile_twin_core.shaft.status import Record
 
 FREEDOM = 6.0  # degrees of freedom of the innovations' Student t: delays of an operating system have heavy tails
-ROBUST = 9.0  # normalised innovation squared at most: beyond it the measurement's variance is inflated
+ROBUST = 9.0  # maximum normalised innovation squared: beyond it the measurement variance is inflated
 # Factor of the white jerk's covariance over a step h, in the order acceleration, rate, angle: sqrt(q h) times the
 # columns (1, h/2, h^2/6), (0, HALF_JERK h, HALF_JERK h^2/2) and (0, 0, LAST_JERK h^2).
 HALF_JERK, LAST_JERK = math.sqrt(1.0 / 12.0), math.sqrt(1.0 / 720.0)
 
 
-@lanes.vectorised
+@layout.vectorised
 def time_update(filters: Record, strength: float, step: float, first: int, end: int) -> None:
-    """Time update of lanes first .. end - 1 over `step` [s]: constant acceleration driven by white jerk.
+    """Time update of filters first .. end - 1 over `step` [s]: constant acceleration driven by white jerk.
 
-    With process noise of sqrt(q h) = jerk_strength * strength (Bar-Shalom, Li and Kirubarajan 2001, 6.2.3). A Givens
-    rotation and a Householder reflection merge its factor with the lane's.
+    Process noise of sqrt(q h) = jerk_strength * strength (Bar-Shalom, Li and Kirubarajan 2001, 6.2.3). A Givens
+    rotation and a Householder reflection merge its factor with the filter's.
     """
     x = filters.clock
-    acceleration, rate, angle = x[lanes.ACCELERATION], x[lanes.RATE], x[lanes.ANGLE]
-    l00, l10, l20 = x[lanes.L00], x[lanes.L10], x[lanes.L20]
-    l11, l21, l22 = x[lanes.L11], x[lanes.L21], x[lanes.L22]
+    acceleration, rate, angle = x[layout.ACCELERATION], x[layout.RATE], x[layout.ANGLE]
+    l00, l10, l20 = x[layout.L00], x[layout.L10], x[layout.L20]
+    l11, l21, l22 = x[layout.L11], x[layout.L21], x[layout.L22]
     jerk_strength = filters.jerk_strength
     half = 0.5 * step * step
     for m in range(np.uint64(first), np.uint64(end)):
@@ -61,14 +61,15 @@ def time_update(filters: Record, strength: float, step: float, first: int, end: 
         l22[m] = math.sqrt(l22[m] * l22[m] + left2 * left2 + left3 * left3 + last * last)
 
 
-@lanes.vectorised
+@layout.vectorised
 def innovate(filters: Record, reading: float, noise: float, first: int, end: int) -> None:
-    """Innovations of a measurement in lanes first .. end - 1 and their Student-t likelihoods, up to a constant.
+    """Set innovations of a measurement in filters first .. end - 1 and their Student-t likelihoods, up to a constant.
 
-    `ripple_reading` and `ripple_variance` (.) are what ripple adds to the measurement and to the innovation's variance.
+    `ripple_reading` and `ripple_variance` (.) are the contributions of the ripple to the measurement and to the
+    variance of the innovation.
     """
     x, scale, innovation, likelihood = filters.clock, filters.scale, filters.innovation, filters.likelihood
-    angle, l20, l21, l22 = x[lanes.ANGLE], x[lanes.L20], x[lanes.L21], x[lanes.L22]
+    angle, l20, l21, l22 = x[layout.ANGLE], x[layout.L20], x[layout.L21], x[layout.L22]
     projected0, projected1, projected2 = filters.projected[0], filters.projected[1], filters.projected[2]
     ripple_reading, ripple_variance = filters.ripple_reading, filters.ripple_variance
     prior_variance, noise_variance = filters.prior_variance, filters.noise_variance
@@ -85,16 +86,16 @@ def innovate(filters: Record, reading: float, noise: float, first: int, end: int
         likelihood[m] = 1.0 / (tail * tail * tail * math.sqrt(tail * scale[m] * (noise + prior)))
 
 
-@lanes.vectorised
+@layout.vectorised
 def measurement_update(filters: Record, first: int, end: int) -> None:
-    """Measurement update of lanes first .. end - 1 (Carlson 1973), from the last column of L to the first.
+    """Measurement update of filters first .. end - 1 (Carlson 1973), from the last column of L to the first.
 
-    `projected` (3, .) is L' h with h the measurement's row; the gains are kept in `gain` (3, .).
+    `projected` (3, .) is L' h with h the measurement's row; `gain` (3, .) becomes the gains.
     """
     x, projected, gain = filters.clock, filters.projected, filters.gain
-    acceleration, rate, angle = x[lanes.ACCELERATION], x[lanes.RATE], x[lanes.ANGLE]
-    l00, l10, l20 = x[lanes.L00], x[lanes.L10], x[lanes.L20]
-    l11, l21, l22 = x[lanes.L11], x[lanes.L21], x[lanes.L22]
+    acceleration, rate, angle = x[layout.ACCELERATION], x[layout.RATE], x[layout.ANGLE]
+    l00, l10, l20 = x[layout.L00], x[layout.L10], x[layout.L20]
+    l11, l21, l22 = x[layout.L11], x[layout.L21], x[layout.L22]
     noise_variance, innovation, clock_variance = filters.noise_variance, filters.innovation, filters.clock_variance
     for m in range(np.uint64(first), np.uint64(end)):
         p0, p1, p2 = projected[0, m], projected[1, m], projected[2, m]

@@ -8,19 +8,20 @@ from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft.measurement_noise import FINEST_MOTION, MOST_CORRELATED
 from textile_twin_core.shaft.status import Record, Records
 
-DELAY = 20.5  # independent samples until a filter detects a change; no integer, lest rounding decide comparisons
+# independent samples until a filter detects a change; not an integer, so that rounding decides no comparison
+DELAY = 20.5
 STEADY = 80.0  # memory in samples beyond which the delay grows in proportion to it
-FOUND, WIDEST = 8.0, 512  # degrees of freedom that a row's window holds, and its most rows on either side
+FOUND, WIDEST = 8.0, 512  # degrees of freedom in a row's window, and its maximum rows on either side
 PRIOR_WEIGHT = 0.5  # degrees of freedom of the prior ratio 1
 LONGEST, SHORTEST = 0.5 * 2.0**15, 0.25  # memories that bound the intensity, in samples
 
 
 @compiled_in_place
-def set_initial_intensities(rows: Records, family: int) -> None:
-    """Make each row's intensity [rad^2/s^5] at least r / (N^6 T^5), N the family's memory there, as in `bank.predict`.
+def set_initial_intensities(rows: Records, model: int) -> None:
+    """Raise each row's intensity [rad^2/s^5] to r / (N^6 T^5), N the model's memory there (see `filter_bank`).
 
-    A filter detects a change some samples late, the later the longer its memory is, so N is the shortest memory within
-    that delay ahead; and within the shortest delay behind.
+    A filter detects a change some samples late, later with a longer memory. N is therefore the shortest memory within
+    that delay ahead, and within the shortest delay behind.
     """
     noise, shortest, oldest, newest, behind, ahead = rows[0].unit, 0, 0, 0, 0.0, 0.0
     for i in range(rows.size):
@@ -28,11 +29,11 @@ def set_initial_intensities(rows: Records, family: int) -> None:
             noise = rows[i].noise
         if i > 0:
             behind += 1.0 / max(rows[i].correlated, 1.0)
-            ahead -= _independent(rows[i], family)
+            ahead -= _independent(rows[i], model)
         while newest + 1 < rows.size and ahead < DELAY:
             newest += 1
-            ahead += _independent(rows[newest], family)
-            if rows[newest].memory[family] <= rows[shortest].memory[family]:
+            ahead += _independent(rows[newest], model)
+            if rows[newest].memory[model] <= rows[shortest].memory[model]:
                 shortest = newest
         while behind > DELAY:
             oldest += 1
@@ -40,16 +41,16 @@ def set_initial_intensities(rows: Records, family: int) -> None:
         if shortest < oldest:
             shortest = oldest
             for j in range(oldest, newest + 1):
-                if rows[j].memory[family] <= rows[shortest].memory[family]:
+                if rows[j].memory[model] <= rows[shortest].memory[model]:
                     shortest = j
-        expected = max(noise, FINEST_MOTION) / (math.exp(6.0 * rows[shortest].memory[family]) * rows[i].interval ** 5)
+        expected = max(noise, FINEST_MOTION) / (math.exp(6.0 * rows[shortest].memory[model]) * rows[i].interval ** 5)
         rows[i].intensity = max(rows[i].intensity, expected)
 
 
 @compiled_in_place
-def _independent(row: Record, family: int) -> float:
-    """Independent samples that a row counts for, at most 1."""
-    return float(1.0 / max(row.correlated, min(math.exp(row.memory[family]) / STEADY, MOST_CORRELATED), 1.0))
+def _independent(row: Record, model: int) -> float:
+    """Return the number of independent samples that a row counts for, at most 1."""
+    return float(1.0 / max(row.correlated, min(math.exp(row.memory[model]) / STEADY, MOST_CORRELATED), 1.0))
 
 
 @compiled_in_place
@@ -57,7 +58,7 @@ def adapt_intensities(rows: Records, least: float) -> float:
     """Scale each row's intensity by the smoothed jerk's mean square over its expectation, in a window around the row.
 
     The expectation is the variance that the measurements removed (MacKay 1992): the ratio is 1 where the intensity is
-    right; changes by less than the factor `least` are not made. `jerk` (2,) of each row becomes the sums of both up to
+    right. Changes by less than the factor `least` are not made. `jerk` (2,) of each row becomes the sums of both up to
     it. Returns the factor of the largest change.
     """
     count, noise, half, largest = rows.size, rows[0].unit, 2, 1.0

@@ -1,4 +1,4 @@
-"""What an estimator reports: counts of accepted and rejected samples and of events, and what it learnt."""
+"""The estimator's report: counts of accepted and rejected samples and of events, and the estimated parameters."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ class SampleReport:
     """Counts since the start or the last reset.
 
     Attributes:
-        received, accepted: samples that came in, and of these the ones that were used.
+        received, accepted: received samples, and the accepted ones among them.
         rejected: count by cause: not_finite (angle or stamp NaN, infinite or over 1e12 rad or s), duplicate_stamp (less
             than a nanosecond after the newest accepted sample), older_stamp (late or reversed).
-        repeats: readings equal to the one before, of a sensor that measures less often than it is asked, and those that
-            came late, at once with the one before.
-        gaps: pauses of more than 50 intervals, or in which a wrapped angle may have made a turn more or less; where the
-            prediction failed after one, the filter was restarted.
+        repeats: readings equal to the one before, of a sensor that measures less often than it is read, and readings
+            that arrived late together with the one before.
+        gaps: pauses of more than 50 intervals, or with an ambiguous turn of a wrapped angle; the filter restarts after
+            a gap where its prediction fails.
         jumps: lasting offsets of the angle that no shaft can make.
         outliers: readings rejected because of their residual.
         reversals: changes of the sense of rotation.
-        standstills: times that the shaft came to rest.
-        losses: times that readings fitted no motion and the filter was restarted.
+        standstills: number of times that the shaft came to a standstill.
+        losses: number of times that readings fitted no motion and the filter restarted.
         longest_gap_s, period_s: longest and typical time between accepted samples.
-        samples_per_turn: at the present speed; infinite at rest.
-        resolution_rad: encoder step, given or found; 0 while unknown, and where readings are not rounded.
-        stamp_jitter_s: standard deviation of the stamps, given or found.
-        pitch_errors_rad: of each tooth, given or learnt; empty for sampled angles.
+        samples_per_turn: at the present speed; infinite at standstill.
+        resolution_rad: encoder step, configured or estimated; 0 while unknown, and where readings are not rounded.
+        stamp_jitter_s: standard deviation of the stamps, configured or estimated.
+        pitch_errors_rad: of each tooth, configured or estimated; empty for sampled angles.
         ripple: amplitude of the speed's ripple relative to the speed, by multiples of the lowest order,
-            1 / cycle_turns; empty where none is seen.
+            1 / cycle_turns; empty without ripple.
         state: waiting, starting, running, standstill or lost (restarted within the last 25 samples).
     """
 
@@ -57,16 +57,16 @@ class SampleReport:
 
     @property
     def rejected_total(self) -> int:
-        """Rejected samples of every cause."""
+        """Number of rejected samples of every cause."""
         return sum(self.rejected.values())
 
     def to_json(self) -> dict[str, object]:
-        """A dictionary of plain numbers, lists and texts; an infinite number is None."""
+        """Return a dictionary of plain numbers, lists and texts; an infinite number becomes None."""
         values = {name: list(value) if isinstance(value, tuple) else value for name, value in asdict(self).items()}
         return {name: None if value == float("inf") else value for name, value in values.items()}
 
     def text(self) -> str:
-        """One line for people: samples used, samples rejected by cause, events, and the state."""
+        """Return one line for people: samples used, samples rejected by cause, events, and the state."""
         parts = [f"{self.state}: {self.accepted} of {self.received} samples used"]
         if self.rejected_total:
             causes = [f"{count} {cause.replace('_', ' ')}" for cause, count in self.rejected.items() if count]

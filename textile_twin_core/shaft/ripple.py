@@ -1,7 +1,7 @@
-"""Ripple coefficients estimated apart from the state (Friedland 1969), by least squares in factors (Carlson 1973).
+"""Ripple coefficients estimated apart from the state (Friedland 1969), by square-root least squares (Carlson 1973).
 
-The sensitivity is that of the state to the coefficients, the `regressor` that of the innovation. Arrays end in lanes:
-functions work on lanes first .. stop - 1.
+`sensitivity` is the derivative of the state by the coefficients, `regressor` that of the innovation. The last axis of
+arrays is the filter: functions process filters first .. stop - 1.
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ import math
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.shaft.lanes import of_arrays
+from textile_twin_core.shaft.layout import of_arrays
 
 
 @of_arrays
 def set_sensitivity(
     sensitivity: FloatArray, basis: FloatArray, lowest: float, rate: float, width: int, first: int, stop: int
 ) -> None:
-    """Sensitivity (3, ., .) of the state of a clock initialised at the shaft's angle and turning at `rate` [rad/s]."""
+    """Set the sensitivity (3, ., .) of a clock initialised at the shaft's angle and turning at `rate` [rad/s]."""
     for i in range(width):
         frequency = lowest * (i // 2 + 1) * rate
         by_angle = frequency * (-basis[i + 1] if i % 2 == 0 else basis[i - 1])
@@ -33,11 +33,11 @@ def predict_ripple(
     sensitivity: FloatArray, ripple: FloatArray, factor: FloatArray, basis: FloatArray, regressor: FloatArray,
     projected: FloatArray, reading: FloatArray, variance: FloatArray, step: float, width: int, first: int, stop: int,
 ) -> None:  # fmt: skip
-    """Time update of the sensitivity over `step` [s], and of what the ripple does to a reading with the basis.
+    """Time update of the sensitivity over `step` [s], and contribution of the ripple to a reading with the basis.
 
-    Sets `reading` (.), the ripple in it, and `variance` (.), what its uncertainty adds to the innovation's. `factor`
-    (., ., .) holds the transposed covariance factor L' of the coefficients, `projected` (., .) becomes L' times the
-    `regressor` (., .).
+    Sets `reading` (.), the ripple in the reading, and `variance` (.), the contribution of its uncertainty to the
+    innovation's variance. `factor` (., ., .) holds the transposed covariance factor L' of the coefficients, `projected`
+    (., .) becomes L' times the `regressor` (., .).
     """
     begin, end, half = np.uint64(first), np.uint64(stop), 0.5 * step * step
     for m in range(begin, end):
@@ -51,7 +51,7 @@ def predict_ripple(
             sensitivity[2, i, m] = angle
             regressor[i, m] = at - angle
             projected[i, m] = 0.0
-        for j in range(i + np.uint64(1)):  # a sum at a time would wait for itself
+        for j in range(i + np.uint64(1)):  # interleaved sums: a single sum would wait for its last addition
             for m in range(begin, end):
                 projected[j, m] += factor[j, i, m] * regressor[i, m]
     for j in range(np.uint64(width)):
@@ -67,7 +67,7 @@ def update_ripple(
     innovation: FloatArray, variance: FloatArray, gain: FloatArray, clock: FloatArray, parts: FloatArray,
     change: FloatArray, width: int, first: int, stop: int,
 ) -> None:  # fmt: skip
-    """Measurement update of sensitivity and coefficients, and of the clock's state that changes with them.
+    """Measurement update of sensitivity and coefficients, and the resulting change of the clock's state.
 
     `variance` (.), the innovation's without that of the coefficients, becomes the whole; `parts` (2, .) and `change`
     (., .) are work space.

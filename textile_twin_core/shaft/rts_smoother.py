@@ -1,4 +1,4 @@
-"""Rauch-Tung-Striebel (1965) smoother over rows of readings whose ripple is known, in square-root form.
+"""Rauch-Tung-Striebel (1965) smoother over rows of readings with a known ripple, in square-root form.
 
 Let L, L- and S be the factors of the filtered, the predicted and the next smoothed covariance, G that of the process
 noise and F the transition over a step, with x, x- and x+ the states. With K = L-^-1 F L, M = L-^-1 G, W = L-^-1 S and
@@ -15,7 +15,7 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import by_reference, compiled_in_place
-from textile_twin_core.shaft import lanes
+from textile_twin_core.shaft import layout
 from textile_twin_core.shaft.clock import (
     add_ripple_covariance,
     add_spread,
@@ -24,95 +24,96 @@ from textile_twin_core.shaft.clock import (
     wave_at,
 )
 from textile_twin_core.shaft.filter import put_angle
-from textile_twin_core.shaft.gating import foretold, set_start
 from textile_twin_core.shaft.kalman import HALF_JERK, LAST_JERK, ROBUST, innovate, measurement_update, time_update
+from textile_twin_core.shaft.outlier_gate import predicted_angle, set_start
 from textile_twin_core.shaft.process_noise import adapt_intensities, set_initial_intensities
 from textile_twin_core.shaft.residual_orders import add_systematic
 from textile_twin_core.shaft.ripple import set_sensitivity
 from textile_twin_core.shaft.settings import ShaftSettings
 from textile_twin_core.shaft.status import MANOEUVRE, STRETCH, Record, Records, new_status
 
-FAR, SURELY_FAR = 9.0, 1e4  # squared distance from the bank's angle that is far, in its variances; without a reading
+# squared distance from the bank's angle, in its variances, that restarts the smoother; without a reading
+FAR, SURELY_FAR = 9.0, 1e4
 MOST_PASSES = 5
-BURST, NEARER = 10, 0.25  # rows after a manoeuvre in which it is taken back, by a reading so much nearer to the motion
-ROUNDED = 1e-30  # part of a variance that is left of it at least, where all is lost to rounding
-FAR_OFF = 4.0  # times too weak or too strong that some process noise was: it is adapted again
+BURST, NEARER = 10, 0.25  # rows in which a manoeuvre may be revoked; ratio of distances at which it is
+ROUNDED = 1e-30  # least remaining part of a variance that rounding would cancel
+FAR_OFF = 4.0  # factor of a wrong process noise from which it is adapted again
 
 
 @by_reference
 class Smoother(NamedTuple):
     """Arrays of a smoothing pass over n rows."""
 
-    filters: Records  # (1,) a status, of which lane CHAIN is the filter
+    filters: Records  # (1,) a status, of which filter SMOOTHER is used
     filtered: FloatArray  # (n, 9) its filtered state and factor at each row, initial ones at the first
     smoothed: FloatArray  # (9,) smoothed state and factor in the backward pass
 
 
 def new_smoother(settings: ShaftSettings, rows: int) -> Smoother:
-    """Arrays for passes over at most so many rows."""
+    """Allocate arrays for passes over at most `rows` rows."""
     filters = new_status(settings)
-    filters["scale"][0, lanes.CHAIN] = 1.0
+    filters["scale"][0, layout.SMOOTHER] = 1.0
     return Smoother(filters, np.zeros((rows, 9)), np.zeros(9))
 
 
 @compiled_in_place
-def set_ripple(filters: Record, status: Record, family: int) -> None:
-    """Copy the ripple of a family's best filter, the covariance factor of its coefficients in radians."""
-    lane, width = status.best[family], 2 * status.waves[family]
-    root = math.sqrt(status.scale[lane])
-    filters.leading, filters.waves[family] = family, status.waves[family]
-    copy_numbers(status.second[family], filters.second[family])
-    copy_numbers(status.shaft_second[family], filters.shaft_second[family])
+def set_ripple(filters: Record, status: Record, model: int) -> None:
+    """Copy the ripple of a model's best filter, and the covariance factor of its coefficients in radians."""
+    index, width = status.best[model], 2 * status.waves[model]
+    root = math.sqrt(status.scale[index])
+    filters.leading, filters.waves[model] = model, status.waves[model]
+    copy_numbers(status.second[model], filters.second[model])
+    copy_numbers(status.shaft_second[model], filters.shaft_second[model])
     for i in range(width):
-        filters.ripple[i, lanes.CHAIN] = status.ripple[i, lane]
+        filters.ripple[i, layout.SMOOTHER] = status.ripple[i, index]
         for j in range(i + 1):
-            filters.factor[j, i, lanes.CHAIN] = status.factor[j, i, lane] * root
+            filters.factor[j, i, layout.SMOOTHER] = status.factor[j, i, index] * root
 
 
 @compiled_in_place
 def begin_at_state(smoother: Smoother, theta: float, omega: float, alpha: float, added: FloatArray) -> None:
-    """Initial clock state from the shaft's; `filtered[0, 3:]` is already the initial covariance's factor.
+    """Set the initial clock state from the shaft's; `filtered[0, 3:]` already holds the initial covariance factor.
 
     `added` (., .) is `shaft_second`, or `second` where the angle is a reading.
     """
     filters, start = smoother.filters[0], smoother.filtered[0]
-    g = wave_at(filters, filters.leading, lanes.CHAIN, added, theta)
-    start[lanes.ANGLE] = theta + g[0]
-    start[lanes.RATE] = omega * (1.0 + g[1])
-    start[lanes.ACCELERATION] = alpha * (1.0 + g[1]) + omega * omega * g[2]
+    g = wave_at(filters, filters.leading, layout.SMOOTHER, added, theta)
+    start[layout.ANGLE] = theta + g[0]
+    start[layout.RATE] = omega * (1.0 + g[1])
+    start[layout.ACCELERATION] = alpha * (1.0 + g[1]) + omega * omega * g[2]
 
 
 @compiled_in_place
 def begin_at_row(smoother: Smoother, row: Record) -> None:
-    """Initial state and covariance factor from the state of a row."""
+    """Set the initial state and covariance factor from the state of a row."""
     start, p = smoother.filtered[0], row.covariance
-    start[lanes.L00] = math.sqrt(p[8])
-    start[lanes.L10], start[lanes.L20] = p[5] / start[lanes.L00], p[2] / start[lanes.L00]
-    start[lanes.L11] = math.sqrt(max(p[4] - start[lanes.L10] ** 2, 1e-9 * p[4]))
-    start[lanes.L21] = (p[1] - start[lanes.L10] * start[lanes.L20]) / start[lanes.L11]
-    start[lanes.L22] = math.sqrt(max(p[0] - start[lanes.L20] ** 2 - start[lanes.L21] ** 2, 1e-9 * p[0]))
+    start[layout.L00] = math.sqrt(p[8])
+    start[layout.L10], start[layout.L20] = p[5] / start[layout.L00], p[2] / start[layout.L00]
+    start[layout.L11] = math.sqrt(max(p[4] - start[layout.L10] ** 2, 1e-9 * p[4]))
+    start[layout.L21] = (p[1] - start[layout.L10] * start[layout.L20]) / start[layout.L11]
+    start[layout.L22] = math.sqrt(max(p[0] - start[layout.L20] ** 2 - start[layout.L21] ** 2, 1e-9 * p[0]))
     begin_at_state(smoother, row.angle, row.speed, row.acceleration, smoother.filters[0].shaft_second)
 
 
 @compiled_in_place
 def is_far(smoother: Smoother, row: Record) -> bool:
-    """Whether the initial angle is far from the bank's at a row, whose reading, if not set aside, is closer to it."""
+    """Return whether the initial angle is far from the bank's at a row, and a used reading is not closer to it."""
     filters = smoother.filters[0]
-    g = wave_at(filters, filters.leading, lanes.CHAIN, filters.shaft_second, row.angle)
-    angle = smoother.filtered[0, lanes.ANGLE] - g[0]
+    g = wave_at(filters, filters.leading, layout.SMOOTHER, filters.shaft_second, row.angle)
+    angle = smoother.filtered[0, layout.ANGLE] - g[0]
     if row.noise > 0.0 and abs(row.reading - angle) <= 2.0 * abs(row.reading - row.angle):
         return False
     return bool((angle - row.angle) ** 2 > (FAR if row.noise > 0.0 else SURELY_FAR) * row.covariance[0])
 
 
 @compiled_in_place
-def smooth_family(smoother: Smoother, record: Records, family: int, rows: Records, first: int, last: int) -> float:
-    """Smooth (n,) rows under a family's ripple, from the first reading on: rows `first` .. `last` get their states.
+def smooth_model(smoother: Smoother, record: Records, model: int, rows: Records, first: int, last: int) -> float:
+    """Smooth (n,) rows with a model's ripple, from the first reading on; write the states of rows `first` .. `last`.
 
     Returns the log-likelihood of all readings but the first, up to a constant.
     """
     filters, start = smoother.filters[0], rows[0]
-    set_ripple(filters, record[0], family)
+    set_ripple(filters, record[0], model)
     for i in range(rows.size):
         rows[i].intensity = 0.0
     if start.cut == STRETCH:
@@ -129,10 +130,10 @@ def smooth_family(smoother: Smoother, record: Records, family: int, rows: Record
 
 @compiled_in_place
 def smooth(smoother: Smoother, rows: Records, first: int, last: int) -> None:
-    """Smooth (n,) rows from the initial state on: rows `first` .. `last` get their states.
+    """Smooth (n,) rows from the initial state on; write the states of rows `first` .. `last`.
 
-    The process noise of all rows is adapted for the next call; at once where it was far from right. Readings rejected
-    ahead of a detected manoeuvre are used again, with the shortest memory.
+    The process noise of all rows is adapted for the next call, and at once where it was far from right. Readings
+    rejected before a detected manoeuvre are used again, with the shortest memory.
     """
     for i in range(3, rows.size):
         if rows[i].cut == MANOEUVRE and not _is_taken_back(rows, i):
@@ -142,7 +143,7 @@ def smooth(smoother: Smoother, rows: Records, first: int, last: int) -> None:
                     rows[j].noise = max(rows[j].noise, rows[i].unit)
     filters = smoother.filters[0]
     for i in range(rows.size):
-        g = wave_at(filters, filters.leading, lanes.CHAIN, filters.second, rows[i].angle)
+        g = wave_at(filters, filters.leading, layout.SMOOTHER, filters.second, rows[i].angle)
         rows[i].clock = rows[i].reading + g[0]
     set_initial_intensities(rows, filters.leading)
     least = 1.0
@@ -156,15 +157,15 @@ def smooth(smoother: Smoother, rows: Records, first: int, last: int) -> None:
 
 @compiled_in_place
 def _is_taken_back(rows: Records, i: int) -> bool:
-    """Whether a manoeuvre at row `i` was a burst of wrong readings: the next one leads back to the motion before it.
+    """Return whether a manoeuvre at row `i` was a burst of outliers: the next one leads back to the motion before.
 
-    Then all readings between are set aside, and those that were rejected before the way back are used again.
+    All readings in between are then rejected, and those rejected before the return are used again.
     """
     before, first = rows[i - 3], i - 2
-    off = rows[i].reading - foretold(before, rows[i].time - before.time)
+    innovation = rows[i].reading - predicted_angle(before, rows[i].time - before.time)
     for k in range(i + 1, min(i + BURST, rows.size)):
-        off_now = rows[k].reading - foretold(before, rows[k].time - before.time)
-        if rows[k].cut == MANOEUVRE and abs(off_now) < NEARER * abs(off):
+        innovation_now = rows[k].reading - predicted_angle(before, rows[k].time - before.time)
+        if rows[k].cut == MANOEUVRE and abs(innovation_now) < NEARER * abs(innovation):
             for j in range(first, k + 1):
                 copy_numbers(before.memory, rows[j].memory)
                 rows[j].cut = 0.0
@@ -176,7 +177,7 @@ def _is_taken_back(rows: Records, i: int) -> bool:
 @compiled_in_place
 def filter_rows(smoother: Smoother, rows: Records) -> float:
     """Forward pass over all rows but the first; returns the readings' log-likelihood, up to a constant."""
-    filters, m, total = smoother.filters[0], lanes.CHAIN, 0.0
+    filters, m, total = smoother.filters[0], layout.SMOOTHER, 0.0
     clock = filters.clock
     copy_numbers(smoother.filtered[0], clock[:, m])
     for i in range(1, rows.size):
@@ -184,7 +185,7 @@ def filter_rows(smoother: Smoother, rows: Records) -> float:
         time_update(filters, math.sqrt(row.intensity * row.step), row.step, m, m + 1)
         if row.noise > 0.0:
             innovate(filters, row.clock, row.noise, m, m + 1)
-            if (row.reading - row.angle) ** 2 <= ROBUST * row.noise:  # the bank believed it
+            if (row.reading - row.angle) ** 2 <= ROBUST * row.noise:  # accepted by the bank
                 filters.noise_variance[m] = row.noise
             variance = filters.noise_variance[m] + filters.prior_variance[m]
             measurement_update(filters, m, m + 1)
@@ -197,9 +198,10 @@ def filter_rows(smoother: Smoother, rows: Records) -> float:
 def smooth_back(smoother: Smoother, rows: Records, first: int, last: int) -> None:
     """Backward pass: states of rows `first` .. `last`, and of every row the jerk over the step to it.
 
-    Its `jerk` (2,) is the smoothed normalised jerk squared, and by how much the readings reduced its variance.
+    `jerk` (2,) of a row becomes the smoothed normalised jerk squared, and the reduction of its variance by the
+    readings.
     """
-    filters, filtered, smoothed, m = smoother.filters[0], smoother.filtered, smoother.smoothed, lanes.CHAIN
+    filters, filtered, smoothed, m = smoother.filters[0], smoother.filtered, smoother.smoothed, layout.SMOOTHER
     noise = rows[0].unit
     copy_numbers(filtered[rows.size - 1], smoothed)
     for i in range(rows.size - 1, 0, -1):
@@ -217,11 +219,11 @@ def smooth_back(smoother: Smoother, rows: Records, first: int, last: int) -> Non
 def _step_back(
     smoother: Smoother, predicted: FloatArray, filtered: FloatArray, step: float, strength: float, jerk: FloatArray
 ) -> None:
-    """Smoothed state and factor before a step from those after it, and the step's jerk."""
+    """Compute smoothed state and factor before a step from those after it, and the step's jerk."""
     s, half = smoother.smoothed, 0.5 * step * step
-    f00, f10, f20 = filtered[lanes.L00], filtered[lanes.L10], filtered[lanes.L20]
-    f11, f21, f22 = filtered[lanes.L11], filtered[lanes.L21], filtered[lanes.L22]
-    for place in (lanes.L00, lanes.L11, lanes.L22):
+    f00, f10, f20 = filtered[layout.L00], filtered[layout.L10], filtered[layout.L20]
+    f11, f21, f22 = filtered[layout.L11], filtered[layout.L21], filtered[layout.L22]
+    for place in (layout.L00, layout.L11, layout.L22):
         predicted[place] = 1.0 / predicted[place]
     k0 = _whitened(predicted, f00, f10 + step * f00, f20 + step * f10 + half * f00)
     k1 = _whitened(predicted, 0.0, f11, f21 + step * f11)
@@ -229,9 +231,9 @@ def _step_back(
     m0 = _whitened(predicted, strength, 0.5 * strength * step, strength * half / 3.0)
     m1 = _whitened(predicted, 0.0, strength * step * HALF_JERK, strength * half * HALF_JERK)
     m2 = _whitened(predicted, 0.0, 0.0, strength * step * step * LAST_JERK)
-    w0 = _whitened(predicted, s[lanes.L00], s[lanes.L10], s[lanes.L20])
-    w1 = _whitened(predicted, 0.0, s[lanes.L11], s[lanes.L21])
-    w2 = _whitened(predicted, 0.0, 0.0, s[lanes.L22])
+    w0 = _whitened(predicted, s[layout.L00], s[layout.L10], s[layout.L20])
+    w1 = _whitened(predicted, 0.0, s[layout.L11], s[layout.L21])
+    w2 = _whitened(predicted, 0.0, 0.0, s[layout.L22])
     d = _whitened(predicted, s[0] - predicted[0], s[1] - predicted[1], s[2] - predicted[2])
     jerk[0] = jerk[1] = 0.0
     for m in (m0, m1, m2):
@@ -253,16 +255,16 @@ def _step_back(
     s[0] = filtered[0] + f00 * by0
     s[1] = filtered[1] + f10 * by0 + f11 * by1
     s[2] = filtered[2] + f20 * by0 + f21 * by1 + f22 * by2
-    s[lanes.L00], s[lanes.L10], s[lanes.L20] = f00 * t00, f10 * t00 + f11 * t10, f20 * t00 + f21 * t10 + f22 * t20
-    s[lanes.L11], s[lanes.L21], s[lanes.L22] = f11 * t11, f21 * t11 + f22 * t21, f22 * t22
+    s[layout.L00], s[layout.L10], s[layout.L20] = f00 * t00, f10 * t00 + f11 * t10, f20 * t00 + f21 * t10 + f22 * t20
+    s[layout.L11], s[layout.L21], s[layout.L22] = f11 * t11, f21 * t11 + f22 * t21, f22 * t22
 
 
 @compiled_in_place
 def _whitened(predicted: FloatArray, a: float, b: float, c: float) -> tuple[float, float, float]:
-    """A vector divided by the factor in `predicted`, whose diagonal is inverted."""
-    a *= predicted[lanes.L00]
-    b = (b - predicted[lanes.L10] * a) * predicted[lanes.L11]
-    return a, b, (c - predicted[lanes.L20] * a - predicted[lanes.L21] * b) * predicted[lanes.L22]
+    """Divide a vector by the factor in `predicted`, whose diagonal is inverted."""
+    a *= predicted[layout.L00]
+    b = (b - predicted[layout.L10] * a) * predicted[layout.L11]
+    return a, b, (c - predicted[layout.L20] * a - predicted[layout.L21] * b) * predicted[layout.L22]
 
 
 @compiled_in_place
@@ -280,18 +282,20 @@ def _squares(a: float, b: float, c: float, sums: tuple[float, ...]) -> tuple[flo
 
 @compiled_in_place
 def _write_state(smoother: Smoother, row: Record, noise: float) -> None:
-    """State and covariance of the shaft from the smoothed clock, with that of ripple which it does not follow."""
+    """Write state and covariance of the shaft from the smoothed clock, with that of ripple which it does not follow."""
     filters, s = smoother.filters[0], smoother.smoothed
     waves, sensitivity = filters.waves[filters.leading], filters.sensitivity
-    row.residual = row.clock - s[lanes.ANGLE]
-    theta, row.speed, row.acceleration = shaft_state(filters, filters.leading, lanes.CHAIN, s, row.angle)
-    set_sensitivity(sensitivity, filters.basis, filters.lowest, row.speed, 2 * waves, lanes.CHAIN, lanes.CHAIN + 1)
+    row.residual = row.clock - s[layout.ANGLE]
+    theta, row.speed, row.acceleration = shaft_state(filters, filters.leading, layout.SMOOTHER, s, row.angle)
+    set_sensitivity(
+        sensitivity, filters.basis, filters.lowest, row.speed, 2 * waves, layout.SMOOTHER, layout.SMOOTHER + 1
+    )
     for k in range(2 * waves):
         rejected = noise * row.step * (filters.lowest * (k // 2 + 1) * row.speed) ** 6
         for i in range(3):
-            sensitivity[i, k, lanes.CHAIN] *= row.intensity / (row.intensity + rejected)
+            sensitivity[i, k, layout.SMOOTHER] *= row.intensity / (row.intensity + rejected)
     row.covariance[:] = 0.0
-    add_ripple_covariance(filters, waves, lanes.CHAIN, 1.0, row.covariance)
+    add_ripple_covariance(filters, waves, layout.SMOOTHER, 1.0, row.covariance)
     add_spread(s, filters.slopes, 1.0, row.covariance)
     add_systematic(row, 1.0)
     put_angle(row, theta)

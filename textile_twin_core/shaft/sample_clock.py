@@ -1,9 +1,9 @@
-"""The clock of samples that were stamped in bursts: detection, and the even times at which the device took them.
+"""Samples stamped in bursts: detection, and the even times at which the device took them.
 
 A serial bridge, a field bus or a coarse clock stamps several samples together and then pauses. A device that samples
 evenly takes sample n at a + n T. Each burst holds the samples taken up to the instant at which it was sent, so that its
-last sample is at most a period T old: `a <= t_burst - n T < a + T` for the number n of its last sample. Offset and
-period that keep to this with the fewest lost samples are the clock. A constant latency of the link shows in no stamp.
+last sample is at most a period T old: `a <= t_burst - n T < a + T` for the number n of its last sample. The clock is
+the offset and period that satisfy this with the fewest lost samples. A constant latency of the link shows in no stamp.
 """
 
 from __future__ import annotations
@@ -17,37 +17,36 @@ from textile_twin_core.shaft.turns import TURN
 
 LONGEST_PAUSE_S = 0.25  # longer intervals are gaps of the record
 SHORT, LONG = 0.7, 1.3  # of the local mean interval: intervals inside a burst, and pauses
-SHORT_SHARE, LONG_SHARE = 0.25, 0.4  # of the intervals, and of the time, from which stamps come in bursts
-FEWEST = 64  # samples, without which nothing is detected
-AROUND = 128  # samples whose mean interval is the local one
-REPEATED = 1e-6  # [s] inside a burst up to which stamps count as repeated: a coarse clock
-PHASES = 24  # offsets tried, in a period
+SHORT_SHARE, LONG_SHARE = 0.25, 0.4  # part of the intervals, and of the time, from which stamps come in bursts
+FEWEST = 64  # samples below which nothing is detected
+AROUND = 128  # samples over which the local mean interval is taken
+REPEATED = 1e-6  # [s] inside a burst up to which stamps count as equal: a coarse clock
+PHASES = 24  # offsets tried in a period
 FIRST_BURSTS = 384  # bursts in which the period is searched
-MOST_LOST, FINENESS = 0.06, 0.25  # part of the samples that may be lost; of a period, error at the end of the search
-LATE_BURSTS = 3  # of so many bursts one is on time
-LASTING = 7  # bursts over whose median a loss of samples lasts
-SEGMENT_S, GAP_S = 600.0, 1.0  # a clock is taken for even so long; pauses that end a segment
-SOONEST, LATEST = (
-    4.0,
-    92.0,
-)  # [%] of the bursts, between which their last samples tell the offset: others were late or lost
-MOST_SHOWN = 0.15  # part of the samples that the moves may show as lost: more of them are uneven moves
-MOST_CHANGES = 0.6  # of the bursts that may begin after a lost sample
+MOST_LOST, FINENESS = 0.06, 0.25  # maximum part of lost samples; part of a period, error at the end of the search
+LATE_BURSTS = 3  # bursts of which at least one is on time
+LASTING = 7  # bursts of the median over which a loss of samples persists
+SEGMENT_S, GAP_S = 600.0, 1.0  # length over which a clock counts as even; pauses that end a segment
+# [%] percentiles of the bursts' last samples between which the offset lies: the others were late or lost
+SOONEST, LATEST = 4.0, 92.0
+MOST_SHOWN = 0.15  # maximum part of lost samples that the moves may show: more are uneven moves
+MOST_CHANGES = 0.6  # maximum part of the bursts that follow a lost sample
 UNEVEN = 0.3  # of a period, deviation of stamps that are even
-PROBE = 4096  # samples of a long record in which uneven intervals are looked at first
-UNEVEN_SINGLE = 0.1  # of the mean, deviation of the intervals from which single samples come at uneven times
-RARE = 0.1  # part of the intervals that are uneven, up to which a bridge of single samples is busy all the time
+PROBE = 4096  # samples of a long record in which uneven intervals are examined first
+UNEVEN_SINGLE = 0.1  # of the mean, deviation of the intervals from which single samples count as uneven
+RARE = 0.1  # part of uneven intervals up to which a bridge of single samples is busy all the time
 SMOOTHER = 0.5  # ratio of roughness up to which uneven intervals are no lost samples
-OTHER_INTERVAL, SAME_PERIOD = 0.1, 1e-3  # of the companion's period: an interval that is another; a period that is not
+OTHER_INTERVAL, SAME_PERIOD = 0.1, 1e-3  # of the companion's period: difference of another interval; of an equal period
 ROUGHER = 1.1  # ratio of roughness from which the samples were not taken evenly
-AS_FEW = 1.1  # times the fewest lost samples, up to which an offset serves as well
-ALIKE, ALIKE_BURSTS = 2.0, 0.05  # times the fewest losses, and part of the bursts, up to which a known period serves
-FINE_MOVE = 4.0  # rounding steps in a move, from which a lost sample shows in the moves
+AS_FEW = 1.1  # times the fewest lost samples, up to which an offset is acceptable
+# times the fewest losses, and part of the bursts, up to which a known period is acceptable
+ALIKE, ALIKE_BURSTS = 2.0, 0.05
+FINE_MOVE = 4.0  # rounding steps in a move, from which moves show a lost sample
 
 
 @dataclass(frozen=True)
 class StampBursts:
-    """How stamps come in bursts.
+    """Pattern of stamps that come in bursts.
 
     Attributes:
         samples: samples in a burst, median.
@@ -68,7 +67,7 @@ class StampBursts:
 
     @property
     def repeated(self) -> bool:
-        """Whether the stamps inside a burst are equal, as of a coarse clock."""
+        """True where the stamps inside a burst are equal, as of a coarse clock."""
         return self.samples > 1 and self.inside_s <= REPEATED
 
     @property
@@ -106,11 +105,11 @@ def find_bursts(stamps_ns: IntArray, uneven: bool = False) -> StampBursts | None
     """Detect stamps that come in bursts.
 
     Args:
-        stamps_ns: (n,) stamps [ns] in the order of the samples; those older than one before are left out.
-        uneven: whether uneven intervals between single samples count, which may as well be lost samples.
+        stamps_ns: (n,) stamps [ns] in the order of the samples; those older than one before are ignored.
+        uneven: count uneven intervals between single samples, which may also be lost samples.
 
     Returns:
-        The pattern; None where stamps are spread evenly, or where there are fewer than FEWEST.
+        The pattern; None for evenly spread stamps, or fewer than FEWEST.
     """
     stamps = stamps_ns[stamps_ns >= np.maximum.accumulate(stamps_ns)] if stamps_ns.size else stamps_ns
     if stamps.size < FEWEST:
@@ -146,24 +145,24 @@ def even_times(
 
     Args:
         stamps_ns: (n,) stamps [ns] in the order of the samples.
-        values: (n,) what was sampled; angles [rad] show lost samples by the moves between them.
-        angles: whether the values are angles.
+        values: (n,) sampled values; angles [rad] show lost samples by the moves between them.
+        angles: True if the values are angles.
         period_s: sampling period of a companion of the same device, tried first.
         bridge_ns: (m,) rising stamps of everything that comes over the same bridge, these samples included.
 
     Returns:
-        The times; the pattern alone where the samples keep to no even clock; None where stamps come in no bursts, or
-        where the values say that the samples were taken when they are stamped.
+        The times; the pattern alone where no even clock fits the samples; None without bursts, or where the values
+        show that the samples were taken when they are stamped.
     """
     bursts = find_bursts(stamps_ns, uneven=True)
     if bursts is None:
         return None
     single = bursts.samples == 1
-    if single and stamps_ns.size > 2 * PROBE:  # mostly lost samples, which a part of the record shows
+    if single and stamps_ns.size > 2 * PROBE:  # mostly lost samples, visible in a part of the record
         middle = slice(stamps_ns.size // 2 - PROBE // 2, stamps_ns.size // 2 + PROBE // 2)
         if not isinstance(even_times(stamps_ns[middle], values[middle], angles, period_s, bridge_ns), EvenTimes):
             return None
-    # A stamp that is older than one before is of no use for the clock, and keeps its time.
+    # A stamp older than one before does not enter the clock, and keeps its time.
     good = stamps_ns >= np.maximum.accumulate(stamps_ns)
     stamps, seen = stamps_ns[good], values[good]
     time: FloatArray = (stamps - stamps[0]) * 1e-9
@@ -189,7 +188,7 @@ def even_times(
     if angles or period_s is None:
         other = np.abs(np.diff(times) - np.diff(time)) > UNEVEN * max(found)[1]
         uneven = _roughness(times, seen, angles, other) < SMOOTHER * _roughness(time, seen, angles, other)
-    else:  # a torque's noise hides it: the intervals must be other ones than the companion's period
+    else:  # noisy values decide nothing: the intervals must differ from the companion's period
         same = abs(max(found)[1] - period_s) < SAME_PERIOD * period_s
         uneven = same and abs(bursts.pause_s - period_s) > OTHER_INTERVAL * period_s
     if smooth > ROUGHER * stamped or (single and not uneven):
@@ -197,7 +196,7 @@ def even_times(
     best = max(found)
     half = 0.5 * max(width for *_, width, _ in found)
     if single and np.mean(np.abs(np.diff(time) - best[1]) > UNEVEN * best[1]) < RARE:
-        half = max(half, best[1])  # a bridge that is busy all the time: no pause shows when it waits for samples
+        half = max(half, best[1])  # a bridge that is always busy: no pause shows that it waits for samples
     if bursts.repeated:  # the tick before the samples, or the instant at which they arrived
         times += 0.5 * bursts.period_s
         half += 0.5 * bursts.period_s
@@ -207,7 +206,7 @@ def even_times(
 
 
 def sampling_period(stamps_ns: IntArray) -> float | None:
-    """The period [s] of samples with right stamps (n,), of which some are lost; None where they are not even."""
+    """Return the period [s] of samples with right stamps (n,), some of them lost; None where they are not even."""
     step = np.diff(stamps_ns) * 1e-9
     step = step[step > 0.0]
     if step.size < FEWEST:
@@ -221,7 +220,7 @@ def sampling_period(stamps_ns: IntArray) -> float | None:
 
 
 def _local_mean(step: FloatArray) -> FloatArray:
-    """Mean of the intervals (n,) around each."""
+    """Return the mean of the intervals (n,) around each."""
     width = min(AROUND, step.size)
     sums = np.cumsum(np.concatenate([[0.0], step]))
     first = np.clip(np.arange(step.size) - width // 2, 0, step.size - width)
@@ -229,7 +228,7 @@ def _local_mean(step: FloatArray) -> FloatArray:
 
 
 def _moves(angles: FloatArray) -> FloatArray:
-    """Sampling periods (n - 1,) between angles (n,), by the move of each beside those around it; 1 where unclear."""
+    """Return the sampling periods (n - 1,) between angles (n,), each move beside its neighbours; 1 where unclear."""
     move = np.diff(angles)
     move = move - TURN * np.rint(move / TURN)
     change = np.abs(np.diff(move))
@@ -242,13 +241,13 @@ def _moves(angles: FloatArray) -> FloatArray:
     with np.errstate(all="ignore"):
         periods = np.where(np.abs(usual) > FINE_MOVE * rounding, move / usual, 1.0)
     periods = np.where(np.isfinite(periods), np.rint(periods), 1.0)
-    # A wrong reading moves there and back.
+    # An outlier moves there and back.
     back = np.minimum(np.roll(periods, 1), np.roll(periods, -1)) < 1.0
     return np.where((periods < 1.0) | (periods > 50.0) | back, 1.0, periods)
 
 
 def _sent(bridge: FloatArray, time: FloatArray) -> FloatArray:
-    """The first time in `bridge` (m,) of the burst to which each time (n,) belongs."""
+    """Return the first time in `bridge` (m,) of the burst to which each time (n,) belongs."""
     step = np.diff(bridge)
     first = np.concatenate([[0], np.flatnonzero(step > _local_mean(step)) + 1])
     return np.asarray(bridge[first[np.maximum(np.searchsorted(bridge[first], time, side="right") - 1, 0)]])
@@ -257,13 +256,13 @@ def _sent(bridge: FloatArray, time: FloatArray) -> FloatArray:
 def _clock(
     time: FloatArray, begins: FloatArray, moves: FloatArray, near_s: float | None, single: bool
 ) -> tuple[FloatArray, float, float, int] | None:
-    """Even times of samples stamped at `time` (n,), the period, the width of the offset's interval, samples lost.
+    """Fit even times to stamps `time` (n,); return them, the period, the width of the offset's interval, samples lost.
 
     Args:
         begins: (n,) time at which the burst of each begins.
-        moves: (n - 1,) sampling periods from each sample to the next, as far as the values show.
+        moves: (n - 1,) sampling periods from each sample to the next, as far as the values show them.
         near_s: the period of a companion.
-        single: whether each sample counts as a burst.
+        single: True if each sample counts as a burst.
     """
     step = np.diff(time)
     first = np.concatenate([[0], np.flatnonzero(single | (step > _local_mean(step))) + 1])
@@ -295,7 +294,7 @@ def _clock(
     changes = np.count_nonzero(np.diff(extra))
     if changes > MOST_CHANGES * sent.size or number[-1] > (1.0 + MOST_SHOWN) * time.size:
         return None
-    # Samples that nothing shows where they were lost are taken for lost before the first of the burst.
+    # Lost samples whose place is unknown count as lost before the first sample of the burst.
     burst = np.repeat(np.arange(first.size), last - first + 1)
     numbers = number + extra[burst]
     places = np.arange(time.size)
@@ -305,12 +304,12 @@ def _clock(
 
 
 def _search(sent: FloatArray, count: FloatArray, shown: bool, near_s: float | None) -> tuple[float, float, bool] | None:
-    """Period and offset with which the bursts `sent` (b,), whose last samples are `count` (b,), begin fewest losses.
+    """Search period and offset of bursts `sent` (b,) with last samples `count` (b,) for the fewest losses.
 
-    The third is whether the period is `near_s`.
+    The third value is True if the period is `near_s`.
 
     Args:
-        shown: whether the values have shown lost samples.
+        shown: True if the values have shown lost samples.
         near_s: the period of a companion.
     """
     span = float(count[-1] - count[0])
@@ -328,14 +327,14 @@ def _search(sent: FloatArray, count: FloatArray, shown: bool, near_s: float | No
     found = float(periods[k]), tried[k][1] - float(periods[k]) * middle
     if near_s is None or not periods[0] <= near_s <= periods[-1]:
         return *found, False
-    # A longer period hides lost samples: the known one serves unless it needs far more of them.
+    # A longer period hides lost samples: the known period is preferred unless it needs far more of them.
     few, offset = _fewest(sent, count - middle, near_s)
     alike = few <= ALIKE * best + ALIKE_BURSTS * sent.size
     return (near_s, offset - near_s * middle, True) if alike else (*found, False)
 
 
 def _fewest(sent: FloatArray, count: FloatArray, period: float) -> tuple[float, float]:
-    """The fewest changes of the number of lost samples that a period allows, and the middle of such offsets."""
+    """Return the fewest changes of the number of lost samples for a period, and the middle of such offsets."""
     phases = (np.arange(PHASES) + 0.5) / PHASES
     late = _on_time(sent - period * count) / period
     changes = np.abs(np.diff(np.floor(late[None, :] - phases[:, None]), axis=1)).sum(axis=1)
@@ -345,28 +344,28 @@ def _fewest(sent: FloatArray, count: FloatArray, period: float) -> tuple[float, 
 
 
 def _on_time(late: FloatArray) -> FloatArray:
-    """The least of `late` (b,) at each burst and the next ones: a single burst may be sent late."""
+    """Return the least of `late` (b,) at each burst and the next ones: a single burst may be sent late."""
     padded = np.pad(late, (0, LATE_BURSTS - 1), mode="edge")
     return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, LATE_BURSTS).min(axis=1))
 
 
 def _lost(sent: FloatArray, count: FloatArray, period: float, offset: float) -> FloatArray:
-    """Samples lost up to each burst, beyond those counted, from an offset in the middle of its interval."""
+    """Return the samples lost up to each burst, beyond those counted, from an offset in the middle of its interval."""
     late = (_on_time(sent - period * count) - offset) / period
     padded = np.pad(np.floor(late), LASTING // 2, mode="reflect")
     return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, LASTING), axis=1))
 
 
 def _offsets(late: FloatArray, period: float) -> tuple[float, float]:
-    """The interval [s] of the clock's offset, from the age (b,) of the last sample of each burst."""
+    """Return the interval [s] of the clock's offset, from the age (b,) of the last sample of each burst."""
     high = float(np.percentile(late, SOONEST))
-    # Ages beyond a period are those of bursts that were sent late: the offset is as uncertain as these are late.
+    # Ages beyond a period belong to bursts sent late: their delay is the uncertainty of the offset.
     width = max(high - (float(np.percentile(late, LATEST)) - period), float(np.percentile(late, 99.0)) - period - high)
     return high - min(max(width, 0.0), period), high
 
 
 def _roughness(time: FloatArray, values: FloatArray, angles: bool, at: BoolArray | None = None) -> float:
-    """Mean distance of values (n,) from lines through their neighbours in time; angles are unwrapped.
+    """Return the mean distance of values (n,) from lines through their neighbours in time; angles are unwrapped.
 
     Args:
         at: (n - 1,) moves that count; None: all.

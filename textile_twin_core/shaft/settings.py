@@ -1,4 +1,4 @@
-"""Settings of the shaft estimators, checked when they are given."""
+"""Settings of the shaft estimators, validated on construction."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ class ShaftSettings:
     """Settings of an estimator; the defaults need no tuning.
 
     Attributes:
-        encoder_bits: resolution of the encoder in bits per period; None: found from the readings.
-        resolution_rad: or its step, as an angle of the shaft; None: found.
-        stamp_jitter_s: standard deviation of the stamps; None: learnt.
+        encoder_bits: resolution of the encoder in bits per period; None: estimated from the readings.
+        resolution_rad: the encoder's step instead, as an angle of the shaft; None: estimated.
+        stamp_jitter_s: standard deviation of the stamps; None: estimated.
         teeth: number of teeth in a turn, missing ones counted, where samples are edges of a wheel; 0: sampled angles.
-        tooth_zero_rad: angle of tooth 0, or at which an encoder that gives angles reads 0.
-        pitch_errors_rad: (teeth,) pitch errors, true less nominal angle of each edge; None: `smooth` learns them.
-        cycle_turns: turns after which the motion repeats, for ripple of half orders and lower.
+        tooth_zero_rad: angle of tooth 0; for an encoder of angles, the angle at which it reads 0.
+        pitch_errors_rad: (teeth,) pitch errors, true less nominal angle of each edge; None: estimated by `smooth`.
+        cycle_turns: turns after which the motion repeats; more than 1 for half orders of ripple and lower.
         wrapping: "auto", "wrapped" or "unwrapped".
         period_rad: period of a wrapped angle.
 
@@ -66,7 +66,7 @@ class ShaftSettings:
 
     @property
     def step_rad(self) -> float | None:
-        """The encoder's step, None where it is not given; 0 for edges, which are not rounded."""
+        """The encoder's step; None where it is not configured; 0 for edges, which are not rounded."""
         if self.teeth:
             return 0.0
         return self.resolution_rad if self.encoder_bits is None else self.period_rad / 2.0**self.encoder_bits
@@ -76,7 +76,7 @@ def require_positive(name: str, value: Any) -> None:
     """Check a setting.
 
     Raises:
-        SceneError: it is no positive finite number.
+        SceneError: the value is not a positive finite number.
     """
     _require(_is_finite(value) and value > 0, name, value, "give a positive finite number")
 

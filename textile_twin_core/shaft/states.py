@@ -85,17 +85,17 @@ class ShaftStates:
         return np.asarray(np.sqrt(self.rows["covariance"][:, ::4]) * INFLATION)
 
     def variance_of(self, gradient: FloatArray) -> FloatArray:
-        """(n,) variance of a quantity with this gradient (n, 3) by (theta, omega, alpha)."""
+        """Return the (n,) variance of a quantity with this gradient (n, 3) by (theta, omega, alpha)."""
         return np.asarray(np.einsum("ni,nij,nj->n", gradient, self.covariance, gradient))
 
     @classmethod
     def empty(cls, stamps: FloatArray | IntArray) -> ShaftStates:
-        """No states; with the dtype of `stamps`."""
+        """Return an object without states, with the dtype of `stamps`."""
         return cls(stamps[:0], np.zeros(0, STATE))
 
     @classmethod
     def join(cls, parts: Sequence[ShaftStates]) -> ShaftStates:
-        """Concatenated states; the parts must have stamps of the same dtype."""
+        """Concatenate states; the parts must have stamps of the same dtype."""
         if len(parts) == 1:
             return parts[0]
         rows = [part.rows[list(STATE.names or ())].astype(STATE) for part in parts]

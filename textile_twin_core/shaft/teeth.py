@@ -1,4 +1,4 @@
-"""Pitch errors of a toothed wheel: given, or learnt from the residuals of a smoothed motion."""
+"""Pitch errors of a toothed wheel: configured, or estimated from the residuals of a smoothed motion."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.shaft.turns import TURN
 
-MAX_ERROR = 0.3  # part of the pitch; a median residual beyond it is no pitch error
-FORGETTING = 0.01  # part of an error forgotten at each lesson, so that what only looks like one fades
+MAX_ERROR = 0.3  # part of the pitch; a larger median residual is no pitch error
+FORGETTING = 0.01  # decay of an error at each pass, so that a spurious error fades
 
 
 class ToothWheel:
     """Nominal angles of a wheel's edges, corrected by each tooth's pitch error.
 
-    Whatever repeats every turn can be the wheel's or the motion's, see `residual_orders`.
+    An error that repeats every turn can belong to the wheel or to the motion, see `residual_orders`.
 
     Args:
         teeth: number of teeth in a turn, missing ones counted.
         zero_rad: angle of tooth 0.
-        known: (teeth,) pitch errors [rad]; None: learnt.
+        known: (teeth,) pitch errors [rad]; None: estimated.
     """
 
     def __init__(self, teeth: int, zero_rad: float, known: Sequence[float] | None) -> None:
@@ -34,20 +34,20 @@ class ToothWheel:
         return np.asarray(place % self.errors_rad.size, dtype=np.int64)
 
     def corrected(self, angles: FloatArray) -> FloatArray:
-        """Shaft angles (n,) [rad] at edges of these nominal angles (n,)."""
+        """Return the shaft angles (n,) [rad] at edges of these nominal angles (n,)."""
         return angles + self.errors_rad[self._tooth(angles)]
 
     def learn(self, readings: FloatArray, residuals: FloatArray) -> FloatArray:
-        """Correct each tooth's error by the median residual of its readings, less that of all.
+        """Correct each tooth's error by the median residual of its readings, relative to the median of all.
 
-        Residuals of outliers belong in it, too: a tooth may stand so wrong that all of its readings were rejected.
+        Residuals of outliers count as well: a tooth may stand so wrong that all of its readings were rejected.
 
         Args:
-            readings: (n,) corrected readings [rad], one at least.
+            readings: (n,) corrected readings [rad], at least one.
             residuals: (n,) readings less the smoothed angles [rad].
 
         Returns:
-            (n,) by how much each reading is to be corrected further [rad].
+            (n,) further correction of each reading [rad].
         """
         tooth = self._tooth(readings)
         order = np.argsort(tooth)

@@ -1,4 +1,4 @@
-"""Angles as whole turns and phase, so that no precision is lost at a billion radians."""
+"""Angles as whole turns and phase, which keep their precision at a billion radians."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TURN_TAIL = 2.4492935982947064e-16  # 2 pi minus its float64 value
 
 @compiled_in_place
 def split_turn(angle: float) -> tuple[float, float]:
-    """Whole turns and phase in about [-pi, pi] of an angle [rad], exact to the input's own rounding."""
+    """Split an angle [rad] into whole turns and phase in about [-pi, pi], exact to the input's own rounding."""
     phase = float(np.fmod(angle, TURN))  # exact, in the float64 period
     phase -= np.rint(phase / TURN) * TURN
     turns = np.rint((angle - phase) / TURN)
@@ -23,5 +23,5 @@ def split_turn(angle: float) -> tuple[float, float]:
 
 
 def join_turns(turns: IntArray, phase: FloatArray) -> FloatArray:
-    """The angle [rad] of whole turns and phase, rounded once at the end."""
+    """Return the angle [rad] of whole turns and phase, rounded once at the end."""
     return turns * TURN + (turns * TURN_TAIL + phase)

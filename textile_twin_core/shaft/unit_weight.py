@@ -1,4 +1,4 @@
-"""Variance of unit weight (Baarda 1968): how much larger or smaller smoothed covariances are, by their residuals."""
+"""Variance of unit weight (Baarda 1968): a factor on smoothed covariances, estimated from the residuals."""
 
 from __future__ import annotations
 
@@ -6,20 +6,20 @@ import math
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled_in_place
-from textile_twin_core.shaft.bank import SCALE_SAMPLES
+from textile_twin_core.shaft.filter_bank import SCALE_SAMPLES
 from textile_twin_core.shaft.residual_orders import add_systematic
 from textile_twin_core.shaft.status import Record, Records
 
-FIRST_WEIGHT = (1.0, 25.0)  # the factor at first, and the redundant measurements that it counts for
-CLIP = 4.0  # residuals beyond two deviations count as two, as outliers are no noise
+FIRST_WEIGHT = (1.0, 25.0)  # initial factor, and the number of redundant measurements that it counts for
+CLIP = 4.0  # residuals beyond two deviations count as two: outliers are no noise
 CLIPPED = 0.9205  # mean of min(z^2, CLIP) of a normal z
 LEAST_REDUNDANCY = 0.05
-BOUND = 4.0  # of the factor and its inverse: exact readings are no promise for those to come
+BOUND = 4.0  # of the factor and its inverse: exact readings promise nothing about later ones
 
 
 @compiled_in_place
 def _weigh_residual(weight: FloatArray, row: Record) -> float:
-    """Take a smoothed row's residual into `weight` (2,), the factor and the redundancy it rests on; the factor."""
+    """Update `weight` (2,), the factor and its redundancy, with a smoothed row's residual; return the factor."""
     if row.noise > 0.0 and row.residual != 0.0 and abs(row.speed) * row.step > 3.0 * math.sqrt(row.noise):
         redundancy = max(1.0 - (row.covariance[0] - row.systematic[0]) / row.noise, LEAST_REDUNDANCY)
         found = min(row.residual * row.residual / (row.noise * redundancy), CLIP * weight[0]) / CLIPPED
@@ -31,9 +31,9 @@ def _weigh_residual(weight: FloatArray, row: Record) -> float:
 
 @compiled_in_place
 def scale_covariances(weight: FloatArray, rows: Records) -> None:
-    """Multiply the covariances of smoothed rows, but for what no residual shows, by the factor that is known by then.
+    """Multiply the covariances of smoothed rows by the current factor, except the part that no residual shows.
 
-    `weight` (2,) begins as FIRST_WEIGHT.
+    `weight` (2,) starts as FIRST_WEIGHT.
     """
     for k in range(rows.size):
         factor = _weigh_residual(weight, rows[k])
@@ -43,6 +43,6 @@ def scale_covariances(weight: FloatArray, rows: Records) -> None:
 
 
 def adopt_weight(record: Records, weight: FloatArray) -> None:
-    """Make the learnt jitter of the stamps what the residuals of a whole record say."""
-    if record["jitter_told"][0] == 0.0:
+    """Scale the estimated jitter of the stamps by the factor from the residuals of a whole record."""
+    if record["jitter_configured"][0] == 0.0:
         record["jitter"] *= weight[0]

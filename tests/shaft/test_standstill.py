@@ -1,4 +1,4 @@
-"""A shaft that rests for long between a run-down and a start: neither blinds what is before or after it."""
+"""A long standstill between a run-down and a start spoils the states on neither side."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ DOWN_S, UP_S = (10.0, 6.0), (30.0, 4.0)
 
 
 def motion(time: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Angle, speed, acceleration: cycloids between speed and rest."""
+    """Angle, speed, acceleration: cycloids between speed and standstill."""
     theta, omega, alpha = SPEED * time, np.full(time.size, SPEED), np.zeros(time.size)
     for (begin, length), sense in ((DOWN_S, -1.0), (UP_S, 1.0)):
         x = np.clip((time - begin) / length, 0.0, 1.0)
@@ -30,7 +30,7 @@ def motion(time: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("jitter_s", [0.0, 20e-6])
 @pytest.mark.parametrize("bits", [13, 16, None])
 @pytest.mark.parametrize("view", ["causal", "lag", "smooth"])
-def test_run_down_and_start_around_a_long_rest(view: str, bits: int | None, jitter_s: float) -> None:
+def test_run_down_and_start_around_a_long_standstill(view: str, bits: int | None, jitter_s: float) -> None:
     time = np.arange(0.0, 40.0, 0.002)
     read = motion(time + jitter_s * np.random.default_rng(11).normal(size=time.size))[0]
     step = TURN / 2**bits if bits else 0.0
@@ -48,7 +48,7 @@ def test_run_down_and_start_around_a_long_rest(view: str, bits: int | None, jitt
         assert part.sum() > 0.99 * (last - first) / 0.002
         assert np.sqrt(np.mean(off[part] ** 2)) < allowed
         assert sigma[part].max() < 20.0
-    # The first steps of an encoder after a rest say little of the acceleration, and that is told.
+    # The first steps of an encoder after a standstill give a poor acceleration, and its sigma says so.
     leaving = (at > 29.9) & (at < 31.5) & states.settled
     assert np.all(off[leaving] < np.maximum(5.0 * sigma[leaving], 1.0))
 
@@ -56,7 +56,7 @@ def test_run_down_and_start_around_a_long_rest(view: str, bits: int | None, jitt
 @pytest.mark.parametrize("noise_rad", [2e-4, 1e-3, 3e-3])
 @pytest.mark.parametrize("bits", [16, None])
 def test_noise_that_does_not_fade_with_the_speed(bits: int | None, noise_rad: float) -> None:
-    """Of resolvers, and of encoders finer than what shakes them: a running shaft cannot tell it from late stamps."""
+    """Resolvers, and encoders finer than their vibration: a running shaft cannot separate noise and late stamps."""
     time = np.arange(0.0, 40.0, 0.002)
     read = motion(time)[0] + noise_rad * np.random.default_rng(3).normal(size=time.size)
     if bits:
@@ -65,7 +65,7 @@ def test_noise_that_does_not_fade_with_the_speed(bits: int | None, noise_rad: fl
 
 
 def test_stamps_that_are_late_now_and_then_are_no_blows() -> None:
-    """By 0.3 ms on average, exponentially: two in a row that are later than usual look like one."""
+    """Stamps late by 0.3 ms on average, exponentially: two very late ones in a row look like a blow."""
     time, ratios = np.arange(0.0, 40.0, 0.002), []
     for seed in range(1, 7):
         late = time + np.random.default_rng(seed).exponential(3e-4, time.size)
@@ -87,7 +87,7 @@ def beside_the_textbook(time: np.ndarray, read: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("view", ["causal", "lag", "smooth"])
-def test_no_order_of_runs_and_rests_spoils_what_is_around_it(view: str) -> None:
+def test_no_sequence_of_runs_and_standstills_spoils_its_neighbours(view: str) -> None:
     spoilt = []
     for seed in range(24):
         record = make("runs", seed)
@@ -99,19 +99,19 @@ def test_no_order_of_runs_and_rests_spoils_what_is_around_it(view: str) -> None:
         counts = states.settled & (states.index > 0.1 * record.time_s.size)
         if np.quantile(off[counts], 0.95) > 10.0 or sigma[counts].max() > 1e4:
             spoilt.append((seed, np.quantile(off[counts], 0.95), sigma[counts].max()))
-    assert len(spoilt) <= 1, spoilt  # the first steps of a coarse encoder after a rest may still look like a blow
+    assert len(spoilt) <= 1, spoilt  # the first steps of a coarse encoder after a standstill may still look like a blow
 
 
 @pytest.mark.parametrize("view", ["causal", "smooth"])
-@pytest.mark.parametrize("told", [False, True])
+@pytest.mark.parametrize("configured", [False, True])
 @pytest.mark.parametrize("steps", [0.05, 0.25, 0.33, 0.5, 0.9, 0.95, 0.98, 1.01, 1.05, 1.3, 2.01, 7.05])
-def test_rounding_that_goes_in_step_with_the_sampling_is_no_motion(view: str, steps: float, told: bool) -> None:
-    """A steady shaft, by so many steps of its encoder from reading to reading: the beat of both is no blow."""
+def test_rounding_that_goes_in_step_with_the_sampling_is_no_motion(view: str, steps: float, configured: bool) -> None:
+    """A steady shaft that turns by near whole steps between readings: the beat of both is no blow."""
     rng, step, rate = np.random.default_rng(3), TURN / 1024, 1000.0
     time = np.arange(6000) / rate
     speed = steps * step * rate
     angles = np.round((speed * (time + 5e-6 * rng.normal(size=time.size)) + rng.uniform(0.0, 1.0)) / step) * step
-    estimator = create_estimator(view, resolution_rad=step if told else None)
+    estimator = create_estimator(view, resolution_rad=step if configured else None)
     states = [estimator.step(np.rint(time * 1e9).astype(np.int64), angles), estimator.finish()][view == "smooth"]
     late = states.index > 2000
     assert np.sqrt(np.mean(states.alpha_rad_s2[late] ** 2)) < 1.0
@@ -119,8 +119,8 @@ def test_rounding_that_goes_in_step_with_the_sampling_is_no_motion(view: str, st
 
 
 @pytest.mark.parametrize("view", ["causal", "lag", "smooth"])
-def test_what_a_rest_seemed_to_tell_of_the_noise_does_not_last(view: str) -> None:
-    """The record begins at rest: the encoder's step, here none, shows when the shaft turns; the noise must follow."""
+def test_the_noise_estimate_of_a_standstill_does_not_last(view: str) -> None:
+    """A record from standstill: the encoder's step, here none, shows as the shaft turns; the noise must follow."""
     record = make("runs", 7)
     estimator = create_estimator(view)
     states = [estimator.step(record.time_s, record.fed_rad), estimator.finish()][view == "smooth"]
@@ -132,8 +132,10 @@ def test_what_a_rest_seemed_to_tell_of_the_noise_does_not_last(view: str) -> Non
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize(("view", "most"), [("causal", 1.1), ("lag", 0.95), ("smooth", 0.85)])
 def test_noise_of_an_indexed_shaft(view: str, most: float, seed: int) -> None:
-    """Moves within 40 ms and rests in turn, noise that does not fade: what moves seem to tell of late stamps is no
-    reason to believe readings at rest, nor is a start to doubt the rest before it.
+    """Moves within 40 ms alternate with standstills, under additive noise.
+
+    Apparent late stamps in a move must not shrink the noise at standstill, and a start must not spoil the standstill
+    before it.
     """
     rng, time = np.random.default_rng([81, seed]), np.arange(3000) / 4000.0
     theta, omega, begin = np.zeros(time.size), np.zeros(time.size), 0.04
@@ -155,8 +157,8 @@ def test_noise_of_an_indexed_shaft(view: str, most: float, seed: int) -> None:
 
 
 @pytest.mark.parametrize("view", ["causal", "lag"])
-def test_a_ripple_that_led_before_a_rest_does_not_keep_the_shaft_there(view: str) -> None:
-    """It took the start for its own, and with the estimate at rest no family was compared with another."""
+def test_a_ripple_that_led_before_a_standstill_does_not_prolong_it(view: str) -> None:
+    """The ripple model absorbed the start, and at standstill the models were not compared."""
     record = make("runs+3%", 791)
     estimator = create_estimator(view)
     parts = [estimator.step(record.time_s, record.fed_rad), estimator.finish()]
@@ -167,8 +169,8 @@ def test_a_ripple_that_led_before_a_rest_does_not_keep_the_shaft_there(view: str
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_rest_before_the_encoders_step_was_known(seed: int) -> None:
-    """Its readings had the noise of a guess of 9 bits for ever: smoothed angles left them by a dozen steps."""
+def test_a_standstill_before_the_encoders_step_was_known(seed: int) -> None:
+    """Its readings kept the noise of a guessed step of 9 bits: smoothed angles were a dozen steps off."""
     time, step = np.arange(2000) / 200.0, TURN / 2**15
     x = np.clip(time - 5.0 - 0.1 * seed, 0.0, None)
     readings = np.round((0.2 + 0.02 * x**2 / (1.0 + x)) / step) * step
@@ -181,8 +183,8 @@ def test_a_rest_before_the_encoders_step_was_known(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", [433, 450, 463])
-def test_exact_readings_at_rest_promise_nothing_of_the_start(seed: int) -> None:
-    """Believed to a millionth of their rounding, they made readings of the next start outliers and jumps."""
+def test_exact_readings_at_standstill_do_not_blind_the_start(seed: int) -> None:
+    """Weighted by a millionth of their rounding, they made readings of the next start outliers and slips."""
     record = make("runs", seed)
     estimator = create_estimator("causal")
     estimator.step(record.time_s, record.fed_rad)

@@ -1,6 +1,6 @@
-"""A family: Kalman filters with one ripple model and different memories, weighted by their likelihoods.
+"""Filter bank of one ripple model: Kalman filters with different memories, weighted by their likelihoods.
 
-Static multiple models (Magill 1965), with a share of switching probability, and restarts of filters that diverged.
+Static multiple models (Magill 1965) with a small probability of switching, and restarts of filters that diverged.
 """
 
 from __future__ import annotations
@@ -10,62 +10,63 @@ import math
 import numpy as np
 
 from textile_twin_core.compiling import compiled_in_place
-from textile_twin_core.shaft import lanes, ripple
+from textile_twin_core.shaft import layout, ripple
 from textile_twin_core.shaft.clock import copy_numbers, dot, set_basis_at, set_second
 from textile_twin_core.shaft.kalman import ROBUST, innovate, measurement_update
 from textile_twin_core.shaft.status import MANOEUVRE, Record
 from textile_twin_core.shaft.turns import TURN
 
 SWITCH_PROBABILITY = 1e-3  # from one memory to another at each sample: motions change a few times in 1000 samples
-UNIFORM_PART = 0.01  # of it goes to all memories alike, the rest by their use
-USAGE_SAMPLES = 300.0  # over which a memory's probability is averaged as its use
-RESTART_RATIO = math.exp(-10.0)  # likelihood ratio to the family since its peak: less restarts a filter (Page 1954)
-RESTART_PROBABILITY = 0.01  # below which a filter may restart
-FIRST_SCALE_WEIGHT = 0.1  # of the first noise scale, in innovations: it may be hundreds of times too large
-SCALE_SAMPLES = 500.0  # innovations over which all is averaged that is learnt of their size
-KNOWN_SCALE = 100.0  # innovations after which the first noise scale is found
-RECENT_SAMPLES = 50.0  # the latest of them, whose scale takes over ..
-FALLEN = 0.1, 0.03  # .. where it is such a part of the whole average, among the first SCALE_SAMPLES and later
-YOUNG_CYCLES = 5.0  # in which what is known of the ripple may be no ripple ..
-UNEVEN = 0.3  # .. unless the speed changes by such a part ..
-MANY_READINGS = 63.0  # .. or a turn has fewer readings, too few to be too sure
+UNIFORM_PART = 0.01  # part of it for all memories alike; the remainder follows their use
+USAGE_SAMPLES = 300.0  # samples over which a memory's probability is averaged as its use
+# likelihood ratio to the model since its peak, below which a filter restarts (Page 1954)
+RESTART_RATIO = math.exp(-10.0)
+RESTART_PROBABILITY = 0.01  # probability below which a filter may restart
+FIRST_SCALE_WEIGHT = 0.1  # weight of the first noise scale, in innovations: it may be hundreds of times too large
+SCALE_SAMPLES = 500.0  # innovations over which noise scales and orders are averaged
+KNOWN_SCALE = 100.0  # innovations after which the first noise scale counts as known
+RECENT_SAMPLES = 50.0  # latest innovations, whose scale replaces the average ..
+FALLEN = 0.1, 0.03  # .. where it is this part of the average: among the first SCALE_SAMPLES, and later
+YOUNG_CYCLES = 5.0  # cycles in which an estimated ripple may still be no ripple ..
+UNEVEN = 0.3  # .. unless the speed changes by this part ..
+MANY_READINGS = 63.0  # .. or a turn has fewer readings than this, too few to be too certain
 RIPPLE_SIZE = 0.05  # prior standard deviation of the speed's ripple in each order, relative to the speed
 
 
 @compiled_in_place
 def set_shaft_second(status: Record, f: int) -> None:
-    """Take the sensor's part of g1 out of g2, and so out of the shaft's state."""
+    """Remove the sensor's part of g1 from g2, and so from the shaft's state."""
     for i in range(4 * status.waves[f]):
-        status.shaft_second[f, i] = status.second[f, i] - (status.sensor_ripple[f, i] if i < lanes.WIDEST else 0.0)
+        status.shaft_second[f, i] = status.second[f, i] - (status.sensor_ripple[f, i] if i < layout.WIDEST else 0.0)
 
 
 @compiled_in_place
 def update_second_order(status: Record, f: int) -> None:
-    """Recompute g2 from the best filter's ripple; all states shift as they would by a change of the coefficients."""
+    """Recompute g2 from the best filter's ripple and shift all states by the change of its coefficients."""
     width, change, second = 2 * status.waves[f], status.change, status.second[f]
     copy_numbers(second[:width], change)
     set_second(status.ripple[:, status.best[f]], status.waves[f], status.lowest, second)
     set_shaft_second(status, f)
     for i in range(width):
         change[i] = second[i] - change[i]
-    for m in range(lanes.FIRST[f], lanes.END[f]):
+    for m in range(layout.FIRST[f], layout.END[f]):
         for row in range(3):
             status.clock[row, m] += dot(status.sensitivity[row, :, m], change, width)
 
 
 @compiled_in_place
-def _weigh_evenly(status: Record, f: int) -> None:
-    """Make all memories of family `f` equally probable."""
-    first, end = lanes.FIRST[f], lanes.END[f]
-    for m in range(first, lanes.STOP[f]):
+def _reset_probabilities(status: Record, f: int) -> None:
+    """Make all memories of model `f` equally probable."""
+    first, end = layout.FIRST[f], layout.END[f]
+    for m in range(first, layout.STOP[f]):
         status.probability[m] = status.usage[m] = 1.0 / (end - first) if m < end else 0.0
     status.best[f] = first
 
 
 @compiled_in_place
-def doubt_ripple(status: Record, f: int, begin: int) -> None:
-    """Give the orders of family `f` from `begin` on their prior covariance, RIPPLE_SIZE; their values stay."""
-    for m in range(lanes.FIRST[f], lanes.STOP[f]):
+def reset_ripple_covariance(status: Record, f: int, begin: int) -> None:
+    """Reset the orders of model `f` from `begin` on to their prior covariance, RIPPLE_SIZE; keep their values."""
+    for m in range(layout.FIRST[f], layout.STOP[f]):
         root = math.sqrt(status.scale[m])
         for i in range(2 * begin, 2 * status.waves[f]):
             for j in range(i):
@@ -75,9 +76,12 @@ def doubt_ripple(status: Record, f: int, begin: int) -> None:
 
 @compiled_in_place
 def resize(status: Record, f: int, waves: int) -> None:
-    """Model so many orders: states lose what they owe to those that are dropped, and owe nothing yet to those added."""
+    """Set the number of modelled orders.
+
+    Remove the contribution of dropped orders from the states; new orders start at zero.
+    """
     before = status.waves[f]
-    for m in range(lanes.FIRST[f], lanes.STOP[f]):
+    for m in range(layout.FIRST[f], layout.STOP[f]):
         for i in range(2 * min(waves, before), 2 * max(waves, before)):
             for row in range(3):
                 if i >= 2 * waves:
@@ -85,27 +89,27 @@ def resize(status: Record, f: int, waves: int) -> None:
                 status.sensitivity[row, i, m] = 0.0
             status.ripple[i, m] = 0.0
     status.waves[f], status.sensor_ripple[f, 2 * waves :] = waves, 0.0
-    doubt_ripple(status, f, before)
+    reset_ripple_covariance(status, f, before)
     update_second_order(status, f)
 
 
 @compiled_in_place
-def begin_family(status: Record, f: int, known: int, source: int, waves: int) -> None:
-    """Begin all filters of family `f`, of so many orders, from lane `source` of family `known`, with its ripple.
+def begin_model(status: Record, f: int, known: int, source: int, waves: int) -> None:
+    """Start all filters of model `f`, with `waves` orders, from filter `source` of model `known`, with its ripple.
 
-    A plain filter follows the shaft's angle: the state depends on the ripple that is to be found.
+    A plain filter follows the shaft's angle, so its state depends on the new ripple.
     """
-    first, stop = lanes.FIRST[f], lanes.STOP[f]
+    first, stop = layout.FIRST[f], layout.STOP[f]
     status.waves[f] = status.waves[known]
     copy_numbers(status.second[known], status.second[f])
-    status.sensor_ripple[f, :] = status.doubt[f, :] = 0.0
+    status.sensor_ripple[f, :] = status.uncertain_power[f, :] = 0.0
     for m in range(first, stop):
         _restart_from(status, source, m, 2 * status.waves[known])
-    _weigh_evenly(status, f)
+    _reset_probabilities(status, f)
     resize(status, f, waves)
-    if known == lanes.PLAIN:
-        set_basis_at(status, status.clock[lanes.ANGLE, source], waves)
-        rate = status.clock[lanes.RATE, source]
+    if known == layout.PLAIN:
+        set_basis_at(status, status.clock[layout.ANGLE, source], waves)
+        rate = status.clock[layout.RATE, source]
         ripple.set_sensitivity(status.sensitivity, status.basis, status.lowest, rate, 2 * waves, first, stop)
 
 
@@ -113,36 +117,36 @@ def begin_family(status: Record, f: int, known: int, source: int, waves: int) ->
 def open_manoeuvre(
     status: Record, row: Record, angle: float, rate: float, by_angle: float, by_rate: float, by_acceleration: float
 ) -> None:
-    """Shift angle and rate of all filters, add to their covariance factors' diagonal, and predict the reading again.
+    """Shift angle and rate of all filters, inflate their covariance factors, and predict the reading again.
 
-    How even a motion was says nothing of a manoeuvre: all memories are equally probable then.
+    The evenness of the motion before a manoeuvre predicts nothing, so all memories become equally probable.
     """
     clock = status.clock
-    for f in range(lanes.FAMILIES):
+    for f in range(layout.MODELS):
         if status.active[f] == 0.0:
             continue
-        for m in range(lanes.FIRST[f], lanes.END[f]):
+        for m in range(layout.FIRST[f], layout.END[f]):
             root = math.sqrt(status.scale[m])
-            clock[lanes.ANGLE, m] += angle
-            clock[lanes.RATE, m] += rate
-            clock[lanes.L22, m] += by_angle / root
-            clock[lanes.L11, m] += by_rate / root
-            clock[lanes.L00, m] += by_acceleration / root
+            clock[layout.ANGLE, m] += angle
+            clock[layout.RATE, m] += rate
+            clock[layout.L22, m] += by_angle / root
+            clock[layout.L11, m] += by_rate / root
+            clock[layout.L00, m] += by_acceleration / root
         if row.cut == MANOEUVRE:
-            _weigh_evenly(status, f)
+            _reset_probabilities(status, f)
         predict_reading(status, f, 0.0, row.reading, row.reading, row.unit)
 
 
 @compiled_in_place
 def predict_reading(status: Record, f: int, step: float, reading: float, at: float, noise: float) -> None:
-    """Innovations and likelihoods of a reading `step` [s] after the last one, with the ripple evaluated at angle `at`.
+    """Set innovations and likelihoods of a reading `step` [s] after the last one, the ripple evaluated at angle `at`.
 
-    Where an innovation is too large, the filter's measurement variance is widened. The family's `density` is the
-    reading's predictive density, but for the constant of Student's t.
+    A filter whose innovation is too large gets a larger measurement variance. The model's `density` is the predictive
+    density of the reading, up to the constant of Student's t.
     """
     set_basis_at(status, at, status.waves[f])
     reading += dot(status.second[f], status.basis, 4 * status.waves[f])
-    width, first, stop = 2 * status.waves[f], lanes.FIRST[f], lanes.STOP[f]
+    width, first, stop = 2 * status.waves[f], layout.FIRST[f], layout.STOP[f]
     ripple.predict_ripple(
         status.sensitivity, status.ripple, status.factor, status.basis, status.regressor, status.projected_ripple,
         status.ripple_reading, status.ripple_variance, step, width, first, stop,
@@ -153,14 +157,14 @@ def predict_reading(status: Record, f: int, step: float, reading: float, at: flo
 
 @compiled_in_place
 def update_filters(status: Record, f: int, noise: float, least_scale: float) -> None:
-    """Measurement update of all filters by the latest reading, and of what it tells of them."""
-    first, end = lanes.FIRST[f], lanes.END[f]
-    measurement_update(status, first, lanes.STOP[f])
+    """Update all filters of a model with the latest reading: states, ripple, probabilities, noise scales, restarts."""
+    first, end = layout.FIRST[f], layout.END[f]
+    measurement_update(status, first, layout.STOP[f])
     if status.waves[f] > 0:
         ripple.update_ripple(
             status.sensitivity, status.ripple, status.factor, status.regressor, status.projected_ripple,
             status.innovation, status.clock_variance, status.gain, status.clock, status.parts, status.ripple_change,
-            2 * status.waves[f], first, lanes.STOP[f],
+            2 * status.waves[f], first, layout.STOP[f],
         )  # fmt: skip
     _weigh_filters(status, f, noise, least_scale)
     probability, likelihood_ratio, best = status.probability, status.likelihood_ratio, first
@@ -173,16 +177,16 @@ def update_filters(status: Record, f: int, noise: float, least_scale: float) -> 
             _restart_from(status, best, m, 2 * status.waves[f])
 
 
-@lanes.vectorised
+@layout.vectorised
 def _weigh_filters(status: Record, f: int, noise: float, least_scale: float) -> None:
-    """Update mode probabilities, and noise scales by the normalised innovation squared."""
-    first, end = lanes.FIRST[f], lanes.END[f]
+    """Update filter probabilities, and noise scales by the normalised innovation squared."""
+    first, end = layout.FIRST[f], layout.END[f]
     probability, usage, likelihood_ratio = status.probability, status.usage, status.likelihood_ratio
     innovation, scale, scale_samples = status.innovation, status.scale, status.scale_samples
     recent_scale = status.recent_scale
     uniform, inverse = UNIFORM_PART / (end - first), 1.0 / status.density[f]
     likelihood, prior_variance = status.likelihood, status.prior_variance
-    for m in range(np.uint64(first), np.uint64(lanes.STOP[f])):
+    for m in range(np.uint64(first), np.uint64(layout.STOP[f])):
         ratio = likelihood[m] * inverse
         share = uniform + (1.0 - UNIFORM_PART) * usage[m] if m < np.uint64(end) else 0.0
         probability[m] = (1.0 - SWITCH_PROBABILITY) * probability[m] * ratio + SWITCH_PROBABILITY * share
@@ -203,28 +207,31 @@ def _weigh_filters(status: Record, f: int, noise: float, least_scale: float) -> 
 
 @compiled_in_place
 def _is_young(status: Record, f: int) -> bool:
-    """Whether filters of long memory may be too sure of the ripple, so that shorter ones do not restart from them."""
-    even = abs(abs(status.speed) - status.began[f]) < UNEVEN * status.began[f] and status.move * MANY_READINGS < TURN
+    """Return whether filters of long memory may be too certain of the ripple, which then seed no shorter filter."""
+    even = (
+        abs(abs(status.speed) - status.start_speed[f]) < UNEVEN * status.start_speed[f]
+        and status.move * MANY_READINGS < TURN
+    )
     return status.waves[f] > 0 and even and status.travelled[f] * status.lowest < YOUNG_CYCLES * TURN
 
 
 @compiled_in_place
 def rescale(status: Record, change: float) -> None:
-    """Divide the unit of variance by `change`: scales and factors keep the covariances that they stand for.
+    """Divide the unit of variance by `change`; scales and factors keep the covariances that they represent.
 
-    So they do where the noise is another than the last time: what was learnt beside much noise is not better known
-    beside little. Only while a filter's first scale is found its covariance goes with it.
+    A change of the noise leaves covariances as they are: large noise in the past makes nothing better known when the
+    noise becomes small. The covariance follows the noise only while a filter's first scale is being estimated.
     """
-    for f in range(lanes.FAMILIES):
-        end = lanes.END[f] if status.active[f] > 0.0 else lanes.FIRST[f]
-        for m in range(lanes.FIRST[f], end):
+    for f in range(layout.MODELS):
+        end = layout.END[f] if status.active[f] > 0.0 else layout.FIRST[f]
+        for m in range(layout.FIRST[f], end):
             root = 1.0 / math.sqrt(change)
             if status.scale_samples[m] >= KNOWN_SCALE:
                 root *= math.sqrt(status.scale_before[m] / status.scale[m])
             status.scale[m] *= change
             status.recent_scale[m] *= change
             status.scale_before[m] = status.scale[m]
-            for row in range(lanes.L00, lanes.L22 + 1):
+            for row in range(layout.L00, layout.L22 + 1):
                 status.clock[row, m] *= root
             for j in range(2 * status.waves[f]):
                 for i in range(j, 2 * status.waves[f]):
@@ -233,7 +240,7 @@ def rescale(status: Record, change: float) -> None:
 
 @compiled_in_place
 def _restart_from(status: Record, source: int, target: int, width: int) -> None:
-    """Copy state, ripple and noise scale from one lane to another."""
+    """Copy state, ripple and noise scale from one filter to another."""
     copy_numbers(status.clock[:, source], status.clock[:, target])
     for i in range(width):
         status.ripple[i, target] = status.ripple[i, source]
