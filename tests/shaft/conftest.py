@@ -1,4 +1,4 @@
-"""The fixed-lag view runs the forward pass of `causal` and the backward pass of `smooth`: its repetitions need --all."""
+"""Repetitions for the fixed-lag view need --all: it runs the passes of `causal` and `smooth`."""
 
 from __future__ import annotations
 
