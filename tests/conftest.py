@@ -13,6 +13,9 @@ from xdist.scheduler import LoadScopeScheduling
 START_NODES = ("tests/ros/", "tests/launch_scripts/", "tests/docs/")
 """Folders whose tests start real-time processes: these run one after the other, so that each has a processor."""
 
+LOWER = 10
+"""Niceness of the workers that run no node."""
+
 settings.register_profile("suite", deadline=None)
 settings.load_profile("suite")
 
@@ -27,6 +30,12 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     left_out = [item for item in items if item.get_closest_marker("campaign")]
     config.hook.pytest_deselected(items=left_out)
     items[:] = [item for item in items if not item.get_closest_marker("campaign")]
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Leave the processors to real-time tests: a worker that begins with other tests runs at a lower priority."""
+    if not item.nodeid.startswith(START_NODES) and "PYTEST_XDIST_WORKER" in os.environ and os.nice(0) < LOWER:
+        os.nice(LOWER)
 
 
 class Rows(LoadScopeScheduling):
