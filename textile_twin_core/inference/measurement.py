@@ -15,7 +15,8 @@ _ZERO_STEP, _DELAY_STEP = 5e-4, 2e-4
 """Steps of the slopes by zero [rad] and delay [s]: a sample's noise in the estimated motion averages out over them."""
 _SLOW = 0.6
 """Share of the record's slow speed from which a sample counts, so that no shift of time moves a torque of friction."""
-
+_KEPT = 3
+"""Motions at different delays that are kept: a fit asks for one place and for both sides of it."""
 _GUARD_S, _UNCERTAIN = 1e-3, 1e-3
 """Time beside a step of the load in which stamps cannot tell its side; share of the working torque that matters."""
 
@@ -71,6 +72,7 @@ class Measurement:
         self.place = {name: k for k, name in enumerate(self.names)}
         self.nominal = np.array([p.nominal for p in parameters])
         self.working_torque_Nm = working_torque_Nm
+        self._motion: dict[tuple[float, float], States] = {}
 
     def on(self, record: Record) -> Measurement:
         """The same for another record."""
@@ -82,8 +84,12 @@ class Measurement:
 
     def states(self, hypothesis: Hypothesis, delay_s: float, drift: float, zero_rad: float) -> States:
         """Angle, speed and acceleration of the shaft at the instants of which the samples speak, and where they are."""
-        late = delay_s + drift * (self.record.time_s - self.record.middle_s)
-        theta, omega, alpha, good = self.record.motion.at(self.record.time_s - late)
+        if (delay_s, drift) not in self._motion:
+            if len(self._motion) == _KEPT:
+                self._motion.clear()
+            late = delay_s + drift * (self.record.time_s - self.record.middle_s)
+            self._motion[delay_s, drift] = self.record.motion.at(self.record.time_s - late)
+        theta, omega, alpha, good = self._motion[delay_s, drift]
         turn = hypothesis.turn
         return turn * theta - hypothesis.zero_rad - zero_rad, turn * omega, turn * alpha, good
 
