@@ -9,12 +9,15 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from textile_twin_core.comparison.fault_watch import Alarm
 from textile_twin_core.errors import OutputError, RecordingError
+
+if TYPE_CHECKING:
+    from textile_twin_core.comparison.fault_watch import Alarm
 
 FILE_NAME = "faults.db"
 _WAIT_S = 5.0

@@ -9,10 +9,8 @@ from dataclasses import dataclass, field
 from textile_twin_core.machine import AnyMachine, Machine
 from textile_twin_core.machine.elastic_outputs import LAG, PIECE_TORQUE, SPREAD, TWIST, elastic_outputs
 from textile_twin_core.machine.linkage_row import station_places_m
-from textile_twin_core.recordings.message_types import FLOAT64, WRENCH
 
 TORQUE = "balancing_torque_Nm"
-_OF_AN_ELASTIC_SHAFT = re.compile(r"(^|/)(torque_piece_\w+_Nm|twist_rad|\w+_lag_rad|\w+_spread_m)$")
 _FORBIDDEN = re.compile(r"\W", re.ASCII)
 
 
@@ -75,8 +73,3 @@ def predicted_topics(machine: AnyMachine) -> PredictedTopics:
 def topic_name(name: str) -> str:
     """Convert a name to a part of a topic: characters that ROS forbids become `_`."""
     return _FORBIDDEN.sub("_", name)
-
-
-def is_of_an_elastic_shaft(topic: str, msgtype: str) -> bool:
-    """Return true if a topic has the name and type of an elastic shaft's output, other than positions."""
-    return msgtype in (FLOAT64, WRENCH) and _OF_AN_ELASTIC_SHAFT.search(topic) is not None

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from textile_twin_core.arrays import FloatArray, IntArray
-from textile_twin_core.comparison.stamp_timing import StampTiming
+
+if TYPE_CHECKING:
+    from textile_twin_core.comparison.stamp_timing import StampTiming
 
 
 @dataclass(frozen=True)

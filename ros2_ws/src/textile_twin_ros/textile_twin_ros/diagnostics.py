@@ -31,6 +31,8 @@ from rclpy.qos import QoSProfile
 from textile_twin_ros.spinning import call_every
 
 OK, WARN, ERROR, STALE = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR, DiagnosticStatus.STALE
+WINDOW_S = 5.0
+"""A level reports what went wrong within this time."""
 _LOOK_S = 0.5
 _PERIOD_S = 1.0
 _REFUSALS_S = 10.0

@@ -28,10 +28,8 @@ from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.comparison.readings import other_unit
 from textile_twin_core.shaft import SampleReport
 from textile_twin_core.shaft.sample_clock import even_times, find_bursts
-from textile_twin_ros.diagnostics import ERROR, OK, WARN, Status
+from textile_twin_ros.diagnostics import ERROR, OK, WARN, WINDOW_S, Status
 
-WINDOW_S = 5.0
-"""How far back a level looks: what went wrong is shown so long."""
 WARN_SHARE = 0.01
 """Share of samples that do not serve above which there is a warning."""
 ERROR_SHARE = 0.5

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import time
 
-from textile_twin_ros.health import WINDOW_S
+from textile_twin_ros.diagnostics import WINDOW_S
 from textile_twin_ros.messages import OtherJointsError
 
 _MOST_SOURCES = 32

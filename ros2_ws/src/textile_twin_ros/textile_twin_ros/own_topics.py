@@ -18,10 +18,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 
-from textile_twin_core.recordings.message_types import FLOAT64, HEADER, JOINT_STATE, POINT
-from textile_twin_core.recordings.predicted_topics import is_of_an_elastic_shaft
+from textile_twin_core.recordings.message_types import FLOAT64, HEADER, JOINT_STATE, POINT, WRENCH
 
 #: Topics that all machines share.
 SHARED = ("/diagnostics", "/clock", "/tf", "/tf_static")
@@ -69,6 +69,7 @@ _OF_A_TWIN = (
     "contact_events",
     "twin_node/transition_event",
 )
+_OF_AN_ELASTIC_SHAFT = re.compile(r"(^|/)(torque_piece_\w+_Nm|twist_rad|\w+_lag_rad|\w+_spread_m)$")
 _NAMES = (*_OF_A_MACHINE, *INPUTS, *OUTPUTS)
 
 
@@ -87,7 +88,7 @@ def published_by_twins(topics: Mapping[str, str]) -> set[str]:
     places = {place for topic in topics if (place := _namespace(topic, (*_OF_A_TWIN, _ANGLE))) is not None}
     found = {topic for topic in topics if _namespace(topic, _OF_A_TWIN) is not None}
     found |= {topic for topic, msgtype in topics.items() if topic.endswith("/position") and msgtype == POINT}
-    found |= {topic for topic, msgtype in topics.items() if is_of_an_elastic_shaft(topic, msgtype)}
+    found |= {topic for topic, msgtype in topics.items() if _is_of_an_elastic_shaft(topic, msgtype)}
     general = {f"{place}{name}" for place in places for name in ("joint_states", *DESCRIPTIONS)} & topics.keys()
     if angles - general:
         found |= general
@@ -135,3 +136,8 @@ def _namespace(topic: str, names: Iterable[str]) -> str | None:
         if topic.endswith(f"/{name}"):
             return topic.removesuffix(name)
     return None
+
+
+def _is_of_an_elastic_shaft(topic: str, msgtype: str) -> bool:
+    """Return true if a topic has the name and type of an elastic shaft's output, other than positions."""
+    return msgtype in (FLOAT64, WRENCH) and _OF_AN_ELASTIC_SHAFT.search(topic) is not None

@@ -31,9 +31,8 @@ from std_srvs.srv import Trigger
 
 from textile_twin_core.errors import OutputError, RecordingError, SceneError, TwinError
 from textile_twin_core.files import remove
-from textile_twin_ros.diagnostics import OK, WARN, DiagnosticsPublisher, Status
+from textile_twin_ros.diagnostics import OK, WARN, WINDOW_S, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for, topic_name
-from textile_twin_ros.health import WINDOW_S
 from textile_twin_ros.parameters import declare, parameter
 from textile_twin_ros.record_inlets import Inlets
 from textile_twin_ros.record_progress import Progress

@@ -24,8 +24,8 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.comparison.fault_signatures import FEWEST_TORQUES_PER_TURN
-from textile_twin_ros.diagnostics import WARN
-from textile_twin_ros.health import WINDOW_S, Finding, apart_text
+from textile_twin_ros.diagnostics import WARN, WINDOW_S
+from textile_twin_ros.health import Finding, apart_text
 
 _TURNS = 5.0
 """So many turns, for as long as a level looks back, may pass unseen: the torque of some may be late."""
