@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import signal
 import subprocess
 import sys
 import time
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -76,9 +77,8 @@ def test_there_is_no_book(tmp_path: Path) -> None:
 
 
 WRITER = """
-import sys
-from dataclasses import replace
-from tests.recordings.test_fault_book import FRICTION
+import json, sys
+from types import SimpleNamespace
 from textile_twin_core.recordings.fault_book import FaultBook
 
 book = FaultBook(sys.argv[1], create=True)
@@ -88,7 +88,7 @@ while True:  # goes on where the killed process stopped: half of an alarm's life
         book.acknowledge([faults[-1].number], str(faults[-1].number))
         book.update("/", "tufting", [], [])
     else:
-        alarm = replace(FRICTION, stamp_ns=len(faults))
+        alarm = SimpleNamespace(**json.loads(sys.argv[2]) | {"stamp_ns": len(faults)})
         print("raises", alarm.stamp_ns, flush=True)
         book.update("/", "tufting", [alarm], [alarm])
 """
@@ -99,7 +99,7 @@ def test_twenty_kills_lose_nothing_and_double_nothing(tmp_path: Path) -> None:
     random = np.random.default_rng(20)
     begun: set[int] = set()
     for _ in range(20):
-        command = [sys.executable, "-c", WRITER, str(tmp_path)]
+        command = [sys.executable, "-c", WRITER, str(tmp_path), json.dumps(asdict(FRICTION))]
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
             assert process.stdout is not None
             first = process.stdout.readline()

@@ -14,6 +14,7 @@ from rclpy.publisher import Publisher
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
+from tests.campaign import more
 from tests.ros.suite import RELIABLE, SECOND_NS, Suite
 from tests.ros.test_live_topics import joint_state, stamp_of
 from textile_twin_ros.pacing import Pace
@@ -170,7 +171,7 @@ TORQUE_FAULTS: dict[str, tuple[Callable[[int], WrenchStamped], bytes, str]] = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["twin_node", "monitor_node"])
+@pytest.mark.parametrize("name", ["twin_node", *more("monitor_node")])
 def test_torques_that_do_not_serve_are_told(suite: Suite, name: str) -> None:
     suite.start(name)
     node = suite.node()
@@ -185,6 +186,9 @@ def test_torques_that_do_not_serve_are_told(suite: Suite, name: str) -> None:
     try:
         for fault, (sample, level, words) in TORQUE_FAULTS.items():
             feeder.begin(feeder.number + int(7200 * RATE_HZ), torque)
+            if name == "twin_node":  # otherwise the last fault is shown for as long as levels look back
+                suite.call(node, Trigger, "twin_node/reset", Trigger.Request())
+            heard.clear()
             suite.spin_until(lambda: heard and heard[-1].level == DiagnosticStatus.OK, f"health before '{fault}'")
             feeder.sample = sample
             suite.spin_until(
@@ -197,7 +201,7 @@ def test_torques_that_do_not_serve_are_told(suite: Suite, name: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("hours", "words"), [(1, "3600.0 s ahead of the angle's"), (-1, "3600.0 s behind the angle's")]
+    ("hours", "words"), [(1, "3600.0 s ahead of the angle's"), *more((-1, "3600.0 s behind the angle's"))]
 )
 def test_clocks_that_differ_are_told_where_residuals_stay_away(suite: Suite, hours: int, words: str) -> None:
     suite.start("twin_node")
