@@ -1,10 +1,13 @@
-"""Plain loops, compiled: `compiled` is numba's njit with this project's options and a cache on disk by content.
+"""Compile plain loops: `compiled` is numba's njit with this project's options and a cache on disk by content.
 
-What was compiled once starts at once in the next process. The cache is $TEXTILE_TWIN_CACHE_DIR, or textile-twin in
-$XDG_CACHE_HOME or ~/.cache. An entry's name tells the code, its constants and the compiled functions it calls, the
-signature, the processor and the versions of Python and numba: nothing in it is ever out of date, and processes that
-write the same entry write the same. Where it cannot be written or read, loops are compiled anew in each process, and
-without numba they run as plain Python, slowly; either is reported once.
+A loop that was compiled once starts at once in the next process. The cache is $TEXTILE_TWIN_CACHE_DIR, or textile-twin
+in $XDG_CACHE_HOME or ~/.cache. The name of an entry is a hash of the code, its constants, the compiled functions it
+calls, the signature, the processor and the versions of Python and numba: entries never go stale, and processes that
+write the same entry write the same bytes. Without a usable cache each process compiles its loops; without numba they
+run as plain Python, slowly. Both are reported once.
+
+Loops compile by numba's public interface, too. With the releases that `numba_internals` knows, compiling takes about
+a third of the time; TEXTILE_TWIN_PLAIN_NUMBA=1 leaves it out.
 """
 
 from __future__ import annotations
@@ -28,16 +31,14 @@ import numpy.typing as npt
 
 try:
     import numba
-    from numba.core.compiler import CompileResult
-    from numba.core.serialize import dumps
-    from numba.core.types import void
     from numba.extending import intrinsic
-
-    from textile_twin_core.linking import Vectors
-    from textile_twin_core.programs import Program
-    from textile_twin_core.references import pass_by_reference
 except ImportError as error:
     numba, _LACKING = None, str(error)
+
+internals: Any = None
+if numba is not None and not os.environ.get("TEXTILE_TWIN_PLAIN_NUMBA"):
+    with suppress(ImportError):
+        from textile_twin_core import numba_internals as internals
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 _Tuple = TypeVar("_Tuple", bound=type[tuple[Any, ...]])
@@ -56,39 +57,50 @@ def compiled(
     wide: int = 0,
     counted: bool = True,
 ) -> _Function:
-    """The function compiled when first called, for the types it is called with; it may call other compiled ones.
+    """Compile a function when it is first called, for the types of its arguments.
 
-    `inlined` puts it into the functions that call it; `apart` promises that no two of its arrays share memory, which
-    lets loops over many of them run on several samples at once, on `abreast` vectors of `wide` samples (powers of two)
-    side by side (0: as LLVM likes). Without `counted` nothing counts who uses an array, at each mention: not for
-    functions that make arrays, or are given such by those that they call. Values of module-level names are read once.
-    Do not hand functions over as arguments: such calls are not kept.
+    Module-level names are read once. Functions given as arguments prevent caching.
+
+    Args:
+        function: A loop over numbers and arrays; it may call other compiled functions.
+        inlined: Put the function into its callers.
+        apart: Promise that no two of its arrays share memory, so that loops over several arrays can be vectorised.
+        abreast: Vectors side by side in a loop, a power of two; 0 leaves it to LLVM.
+        wide: Numbers in a vector, a power of two; 0 leaves it to LLVM.
+        counted: Count references to arrays. Set it to False only for functions that make no arrays.
+
+    Returns:
+        The compiled function, or the function itself where numba is missing.
     """
     if numba is None:
-        say_once(f"loops run uncompiled, some hundred times slower: {_LACKING}; install numba 0.68")
+        say_once(f"loops run uncompiled, some hundred times slower: {_LACKING}; install numba")
         return function
-    dispatcher = Program(function, apart, Vectors(abreast, wide), forceinline=inlined, _nrt=counted, **_OPTIONS)
+    if internals is None:
+        dispatcher = numba.njit(function, forceinline=inlined, **_OPTIONS)
+    else:
+        vectors = internals.Vectors(abreast, wide)
+        dispatcher = internals.Program(function, apart, vectors, forceinline=inlined, _nrt=counted, **_OPTIONS)
     dispatcher._cache = _ContentCache(function, inlined, apart, abreast, wide, counted)
     result: _Function = dispatcher
     return result
 
 
 compiled_in_place: Final = partial(compiled, counted=False)
-"""Of functions that work on arrays of their callers: that is a third faster where the loops are short."""
+"""`compiled` for functions that make no arrays: a third faster where the loops are short."""
 
 
 def is_available() -> bool:
-    """Whether there is a compiler."""
+    """Tell whether numba is installed."""
     return numba is not None
 
 
 def records(dtype: np.dtype[Any], count: int = 1) -> npt.NDArray[Any]:
-    """So many records of zeros, whose fields loops find by name, compiled or not."""
+    """Make an array of zeroed records, whose fields are read by name in compiled and in plain loops."""
     return _with_names(np.zeros(count, dtype))
 
 
 def aligned_records(dtype: np.dtype[Any], count: int = 1) -> npt.NDArray[Any]:
-    """The same, the first at the begin of a line of the processor's cache."""
+    """Make an array of zeroed records that begins at a line of the processor's cache."""
     room = np.zeros(count * dtype.itemsize + CACHE_LINE, np.uint8)
     first = -room.ctypes.data % CACHE_LINE
     return _with_names(room[first : first + count * dtype.itemsize].view(dtype))
@@ -99,55 +111,56 @@ def _with_names(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 
 def by_reference(kind: _Tuple) -> _Tuple:
-    """A kind of named tuple of arrays and numbers that compiled functions read the fields of, and make none of."""
-    if numba is not None:
-        pass_by_reference(kind)
+    """Declare a named tuple of arrays and numbers as argument of compiled functions, which only read its fields."""
+    if internals is not None:
+        internals.pass_by_reference(kind)
     return kind
 
 
 def compile_for(function: Any, examples: Sequence[Any]) -> None:
-    """Compile what `compiled` gave, now, for arguments of the examples' types and what converts to them, alone."""
+    """Compile a `compiled` function now, for the examples' types and what converts to them, and for no others."""
     function.compile(tuple(numba.typeof(example) for example in examples))
     function.disable_compile()
 
 
 def entry(function: _Function, *examples: Any) -> _Function:
-    """What `compiled` gave, for arguments of the very types of the examples, which it does not look at again.
+    """Compile a `compiled` function for the examples' types and skip the type check of later calls where possible.
 
-    Looking takes as long as a short loop where a program wakes seldom, with cold caches.
+    The check takes as long as a short loop does in a program that wakes seldom, with cold caches.
     """
     if numba is None:
         return function
     made: _Function = cast(Any, function).compile(tuple(numba.typeof(example) for example in examples))
-    return made
+    return made if internals is not None else function
 
 
 def _aligned(_typing_context: Any) -> Any:
-    """Of a call that does nothing but have its function's stack begin at a cache line."""
+    """Type and lower `align_stack`."""
 
     def generate(context: Any, builder: Any, _signature: Any, _arguments: Any) -> Any:
         builder.function.attributes.alignstack = 64
-        builder.function.attributes.add("noinline")  # what it is put into would not have it
+        builder.function.attributes.add("noinline")  # a caller would lose the alignment
         return context.get_dummy_value()
 
-    return void(), generate
+    return numba.types.void(), generate
 
 
 align_stack: Final[Callable[[], None]] = intrinsic(_aligned) if numba is not None else lambda: None
-"""Called in a compiled loop: what does not fit the processor's registers is kept in whole cache lines.
+"""Align the stack of a compiled function with the processor's cache lines.
 
-Vectors of 64 bytes would else lie across two of them in three processes of four: a third more time for many outputs.
+Spilled vectors of 64 bytes would otherwise lie across two lines in three processes of four: loops with many outputs
+would take a third more time.
 """
 
 
 @cache
 def say_once(line: str) -> None:
-    """Tell a person, once in a process, on stderr unless the program logs elsewhere."""
+    """Warn once per process, on stderr unless the program logs elsewhere."""
     logging.getLogger("textile_twin_core").warning("%s", line)
 
 
 def cache_directory() -> Path:
-    """Where compiled loops are kept."""
+    """Directory of the compiled loops."""
     chosen = os.environ.get("TEXTILE_TWIN_CACHE_DIR")
     if chosen:
         return Path(chosen)
@@ -155,33 +168,37 @@ def cache_directory() -> Path:
 
 
 class _ContentCache:
-    """One file for each function and signature, written whole or not at all (the interface of numba's own caches)."""
+    """One file per function and signature, written atomically; it has the interface of numba's own caches."""
 
     def __init__(self, function: Callable[..., Any], *options: int) -> None:
         self._function, self._options = function, options
 
     @property
     def cache_path(self) -> str:
-        """The directory, as numba's statistics tell it."""
+        """The directory, for numba's statistics."""
         return str(cache_directory())
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """The compiled function kept for a signature, None if there is none that can be used."""
+        """Load the compiled function for a signature; None where there is no usable entry."""
         target_context.refresh()
         try:
+            from numba.core.compiler import CompileResult
+
             data = self._path(sig, target_context.codegen()).read_bytes()
             return CompileResult._rebuild(target_context, *pickle.loads(data))
         except FileNotFoundError:
             return None
-        except Exception as error:  # whatever a damaged file brings about
-            say_once(f"compiled loops cannot be read from {cache_directory()} ({_brief(error)}): compiling them anew")
+        except Exception as error:  # a damaged file can raise anything
+            say_once(f"compiled loops cannot be read from {cache_directory()} ({_brief(error)}): compiling them again")
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep a compiled function."""
+        """Store a compiled function."""
         if data.library.has_dynamic_globals or data.lifted or " at 0x" in str(sig):
             return
         try:
+            from numba.core.serialize import dumps
+
             path = self._path(sig, data.codegen)
             path.parent.mkdir(parents=True, exist_ok=True)
             unfinished = path.with_suffix(f".{uuid4().hex}")
@@ -193,8 +210,8 @@ class _ContentCache:
                 unfinished.unlink(missing_ok=True)
         except Exception as error:  # a full disk must not stop a machine
             say_once(
-                f"compiled loops cannot be kept in {cache_directory()} ({_brief(error)}): every process compiles them"
-                " anew; set TEXTILE_TWIN_CACHE_DIR to a directory that can be written"
+                f"compiled loops cannot be stored in {cache_directory()} ({_brief(error)}): every process compiles them"
+                " again; set TEXTILE_TWIN_CACHE_DIR to a directory that can be written"
             )
 
     def _path(self, sig: Any, codegen: Any) -> Path:
@@ -204,13 +221,18 @@ class _ContentCache:
         return cache_directory() / f"{self._function.__name__}-{digest.hexdigest()[:32]}"
 
 
-_KEPT_S: Final = 90 * 86_400
-"""Entries that nobody read for so long [s] go when another one comes."""
-_VERSIONS: Final = (sys.implementation.cache_tag, getattr(numba, "__version__", None), sorted(_OPTIONS))
+_UNUSED_S: Final = 90 * 86_400
+"""Age since the last read [s] after which an entry is removed, when another one is written."""
+_VERSIONS: Final = (
+    sys.implementation.cache_tag,
+    getattr(numba, "__version__", None),
+    getattr(internals, "SUPPORTED", "plain"),
+    sorted(_OPTIONS),
+)
 
 
 def _content(function: Any, met: set[Any]) -> Iterator[bytes]:
-    """What a function's meaning hangs on: its code, the constants that it finds by name, the functions it calls."""
+    """Yield what a function's meaning depends on: code, constants found by name, the functions that it calls."""
     if function in met:
         return
     met.add(function)
@@ -230,7 +252,7 @@ def _content(function: Any, met: set[Any]) -> Iterator[bytes]:
 
 
 def _named(code: types.CodeType, scope: dict[str, Any]) -> Iterator[Any]:
-    """The values of the names that code mentions, also those it finds in one of our modules."""
+    """Yield the values of the names in a code object, also of attributes of this package's modules."""
     for name in code.co_names:
         value = scope.get(name)
         yield value
@@ -248,7 +270,7 @@ def _codes(code: types.CodeType) -> Iterator[types.CodeType]:
 def _forget_unused(directory: Path) -> None:
     for path in directory.iterdir():
         with suppress(FileNotFoundError):  # another process was first
-            if path.stat().st_atime < time.time() - _KEPT_S:
+            if path.stat().st_atime < time.time() - _UNUSED_S:
                 path.unlink()
 
 
