@@ -54,6 +54,8 @@ def run(arguments: argparse.Namespace) -> None:
         made = write_fmu(partial, machine, input=arguments.input, fmi=arguments.fmi, outputs=names)
     if made.fixed:
         tell(f"constants of this unit, since another closed form belongs to other values: {', '.join(made.fixed)}")
+    if getattr(machine, "shaft", None) is not None:
+        tell("the linkages are constants of this unit, held in tables; its parameters are the numbers of the shaft")
     if not made.has_binary:
         tell("without a library, since no C compiler for 64-bit Linux is at hand: the importer compiles the sources")
     print_rows(

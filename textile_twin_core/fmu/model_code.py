@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 
@@ -89,20 +89,25 @@ def model_code(made: SymbolicMachine, outputs: Sequence[str], torque_input: bool
     ]
     source = "\n".join(parts)
     depends = tuple(frozenset(str(n.payload) for n in topological_order([e]) if n.op == "variable") for e in shown)
-    token = sha256(json.dumps([source, outputs, names, about]).encode()).hexdigest()
+    sizes = {
+        "CHAIN": 0,
+        "TORQUE_INPUT": int(torque_input),
+        "OUTPUTS": len(outputs),
+        "PARAMETERS": len(names),
+        "CONSTANTS": len(constants),
+        "LEAPS": count,
+    }
+    return finished(source, sizes, [outputs, names, about], count, depends)
+
+
+def finished(
+    source: str, sizes: Mapping[str, int], about: object, leaps: int, depends: tuple[frozenset[str], ...]
+) -> ModelCode:
+    """Add the header with the sizes, and the token of source and `about`."""
+    token = sha256(json.dumps([source, about]).encode()).hexdigest()
     token = f"{{{token[:8]}-{token[8:12]}-{token[12:16]}-{token[16:20]}-{token[20:32]}}}"
-    header = "".join(
-        f"#define TT_{name} {value}\n"
-        for name, value in {
-            "TORQUE_INPUT": int(torque_input),
-            "OUTPUTS": len(outputs),
-            "PARAMETERS": len(names),
-            "CONSTANTS": len(constants),
-            "LEAPS": count,
-            "TOKEN": f'"{token}"',
-        }.items()
-    )
-    return ModelCode(header, source, token, count, depends)
+    header = "".join(f"#define TT_{name} {value}\n" for name, value in {**sizes, "TOKEN": f'"{token}"'}.items())
+    return ModelCode(header, source, token, leaps, depends)
 
 
 def _leaps(values: Sequence[Expr], levels: Sequence[Expr]) -> str:

@@ -23,7 +23,7 @@ _BASE = {
 
 @dataclass(frozen=True)
 class Variable:
-    """A variable: its reference, causality and dependencies."""
+    """A variable: its reference, causality and dependencies; None where it depends on everything."""
 
     name: str
     reference: int
@@ -32,7 +32,7 @@ class Variable:
     initial: str | None = None
     start: float | None = None
     derivative_of: str | None = None
-    depends: tuple[str, ...] = ()
+    depends: tuple[str, ...] | None = ()
     description: str = ""
 
     @property
@@ -96,7 +96,9 @@ class ModelDescription:
 
     @property
     def _unknown_at_start(self) -> list[Variable]:
-        return [v for v in self.variables if v.initial == "calculated" and (v.causality == "output" or v.derivative_of)]
+        states = {v.derivative_of for v in self._derivatives}
+        known = (v for v in self.variables if v.initial == "calculated")
+        return [v for v in known if v.causality == "output" or v.derivative_of or v.name in states]
 
     def _root(self, **attributes: str) -> ET.Element:
         also = {
@@ -145,8 +147,10 @@ class ModelDescription:
             if several:
                 group = ET.SubElement(structure, name)
                 for v in several:
-                    on = " ".join(str(k) for k in sorted(self.index[d] for d in v.depends))
-                    attributes = {} if name == "InitialUnknowns" else {"dependencies": on}
+                    attributes = {}
+                    if name != "InitialUnknowns" and v.depends is not None:
+                        on = " ".join(str(k) for k in sorted(self.index[d] for d in v.depends))
+                        attributes = {"dependencies": on}
                     ET.SubElement(group, "Unknown", {"index": str(self.index[v.name]), **attributes})
         return root
 
@@ -177,7 +181,9 @@ class ModelDescription:
             ("InitialUnknown", self._unknown_at_start),
         ):
             for v in several:
-                on = {} if name == "InitialUnknown" else {"dependencies": " ".join(reference[d] for d in v.depends)}
+                on = {}
+                if name != "InitialUnknown" and v.depends is not None:
+                    on = {"dependencies": " ".join(reference[d] for d in v.depends)}
                 ET.SubElement(structure, name, {"valueReference": reference[v.name], **on})
         for v in self.variables:
             if v.name.startswith("event_indicator"):

@@ -152,10 +152,7 @@ TT_EXPORT Status fmi2CompletedIntegratorStep(Component c, Boolean no_set, Boolea
 TT_EXPORT Status fmi2SetTime(Component c, Real time) { STATE(c)->time = time; return OK; }
 TT_EXPORT Status fmi2SetContinuousStates(Component c, const Real x[], size_t n) {
     if (n != (size_t)TT_STATES) return fail(c, "fmi2SetContinuousStates: wrong number of states");
-    if (n) {
-        tt_set(STATE(c), TT_THETA, x[0]);
-        tt_set(STATE(c), TT_OMEGA, x[1]);
-    }
+    if (n) tt_set_states(STATE(c), x);
     return OK;
 }
 TT_EXPORT Status fmi2GetDerivatives(Component c, Real derivative[], size_t n) {
@@ -170,10 +167,7 @@ TT_EXPORT Status fmi2GetEventIndicators(Component c, Real indicator[], size_t n)
 }
 TT_EXPORT Status fmi2GetContinuousStates(Component c, Real x[], size_t n) {
     if (n != (size_t)TT_STATES) return fail(c, "fmi2GetContinuousStates: wrong number of states");
-    if (n) {
-        x[0] = STATE(c)->theta;
-        x[1] = STATE(c)->omega;
-    }
+    if (n) tt_get_states(STATE(c), x);
     return OK;
 }
 TT_EXPORT Status fmi2GetNominalsOfContinuousStates(Component c, Real x[], size_t n) {

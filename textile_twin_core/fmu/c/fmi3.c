@@ -181,10 +181,7 @@ TT_EXPORT Status fmi3CompletedIntegratorStep(Component c, bool no_set, bool *ent
 TT_EXPORT Status fmi3SetTime(Component c, double time) { STATE(c)->time = time; return OK; }
 TT_EXPORT Status fmi3SetContinuousStates(Component c, const double x[], size_t n) {
     if (n != (size_t)TT_STATES) return fail(c, "fmi3SetContinuousStates: wrong number of states");
-    if (n) {
-        tt_set(STATE(c), TT_THETA, x[0]);
-        tt_set(STATE(c), TT_OMEGA, x[1]);
-    }
+    if (n) tt_set_states(STATE(c), x);
     return OK;
 }
 TT_EXPORT Status fmi3GetContinuousStateDerivatives(Component c, double derivative[], size_t n) {
@@ -199,10 +196,7 @@ TT_EXPORT Status fmi3GetEventIndicators(Component c, double indicator[], size_t 
 }
 TT_EXPORT Status fmi3GetContinuousStates(Component c, double x[], size_t n) {
     if (n != (size_t)TT_STATES) return fail(c, "fmi3GetContinuousStates: wrong number of states");
-    if (n) {
-        x[0] = STATE(c)->theta;
-        x[1] = STATE(c)->omega;
-    }
+    if (n) tt_get_states(STATE(c), x);
     return OK;
 }
 TT_EXPORT Status fmi3GetNominalsOfContinuousStates(Component c, double x[], size_t n) {

@@ -126,6 +126,17 @@ TT_LOCAL int tt_set(tt_state *s, uint32_t reference, double value) {
     }
 }
 
+TT_LOCAL void tt_get_states(const tt_state *s, double *x) {
+    x[0] = s->theta;
+    x[1] = s->omega;
+}
+
+TT_LOCAL void tt_set_states(tt_state *s, const double *x) {
+    s->theta = x[0];
+    s->omega = x[1];
+    s->outputs_old = 1;
+}
+
 TT_LOCAL void tt_derivatives(tt_state *s, double *derivative) {
 #if TT_TORQUE_INPUT
     refresh(s);
