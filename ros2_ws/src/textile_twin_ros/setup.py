@@ -43,8 +43,10 @@ def files(pattern: str) -> list[str]:
 
 setup(
     name=PACKAGE,
-    version="0.1.0",
+    version="1.0.0",
     description="ROS 2 nodes of textile-twin: the digital twin of a textile machine, from the angle of its main shaft",
+    long_description=(Path(__file__).parent / "README.md").read_text(encoding="utf-8"),
+    long_description_content_type="text/markdown",
     license="Apache-2.0",
     packages=[PACKAGE],
     package_data={PACKAGE: ["py.typed"]},

@@ -19,7 +19,6 @@
 from __future__ import annotations
 
 import asyncio
-import logging
 import math
 import threading
 from collections import Counter
@@ -36,9 +35,9 @@ from textile_twin_ros.diagnostics import ERROR, OK, WARN, DiagnosticsPublisher, 
 from textile_twin_ros.endpoints import depth_for, samples_qos
 from textile_twin_ros.health import Recent
 from textile_twin_ros.messages import JointTemplate, TorqueReader, WrenchTemplate
-from textile_twin_ros.opcua_security import ClientSecurity, ClientSecurityParameters
+from textile_twin_ros.opcua_security import ClientSecurity, ClientSecurityParameters, declare_connection
 from textile_twin_ros.opcua_values import Value, Values
-from textile_twin_ros.parameters import declare, parameter
+from textile_twin_ros.parameters import parameter
 from textile_twin_ros.sending import Send, patient
 from textile_twin_ros.spinning import EXECUTORS, finish_with, run
 
@@ -77,19 +76,15 @@ class OpcuaNode(Node):
     """Subscribes to the server's variables; each change that it tells is a message, with the stamp it has there."""
 
     def __init__(self) -> None:
-        # Optional packages are imported where they are used, so that a missing one is told in one line.
+        # Optional packages are imported where they are used, so that a missing one is one line.
         from asyncua.client.client import Client
         from asyncua.ua.uaerrors import UaError
 
         super().__init__("opcua_node")
-        # What becomes of the connection is told by this node, in its own words.
-        logging.getLogger("asyncua").setLevel(logging.CRITICAL)
         self._create_client, self._refused, self._failures = Client, UaError, (OSError, UaError)
-        self.settings = settings = declare(self, OpcuaParameters)
+        self.settings = settings = declare_connection(self, OpcuaParameters, "opc.tcp://10.0.0.5:4840")
         self.executor_name = settings.executor
         self.finished = Future()
-        if not settings.url.startswith("opc.tcp://"):
-            raise SceneError(f"parameter 'url' is '{settings.url}': give the server's address, opc.tcp://10.0.0.5:4840")
         if not settings.angle:
             raise SceneError("parameter 'angle' is not set: give the variable's node id, such as ns=2;s=Loom.Angle")
         self._security = ClientSecurity(settings)

@@ -18,20 +18,45 @@
 
 from __future__ import annotations
 
+import logging
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+
+from rclpy.node import Node
 
 from textile_twin_core.errors import SceneError
 from textile_twin_core.files.certificates import read_certificate
 from textile_twin_core.files.user_file import is_password, read_users
-from textile_twin_ros.parameters import parameter
+from textile_twin_ros.parameters import declare, parameter
 
 if TYPE_CHECKING:
     from asyncua import Server
     from asyncua.client.client import Client
+
+
+class ConnectionParameters(Protocol):
+    """Parameters with the address of a server."""
+
+    url: str
+
+
+Connection = TypeVar("Connection", bound=ConnectionParameters)
+
+
+def declare_connection(node: Node, declaration: type[Connection], example: str) -> Connection:
+    """Declare the parameters of a node that speaks OPC UA, and silence asyncua's own log.
+
+    Raises:
+        SceneError: the parameter `url` is no address; the message names the example.
+    """
+    logging.getLogger("asyncua").setLevel(logging.CRITICAL)  # the nodes report the state of the connection themselves
+    settings = declare(node, declaration)
+    if not settings.url.startswith("opc.tcp://"):
+        raise SceneError(f"parameter 'url' is '{settings.url}': give the server's address, {example}")
+    return settings
 
 
 @dataclass

@@ -19,7 +19,6 @@
 from __future__ import annotations
 
 import asyncio
-import logging
 import math
 import threading
 import time
@@ -44,8 +43,8 @@ from textile_twin_ros.machine import load_machine
 from textile_twin_ros.messages import JointReader, MessageError, TorqueReader
 from textile_twin_ros.opcua_alarms import Alarms
 from textile_twin_ros.opcua_machinery import MachineSpace
-from textile_twin_ros.opcua_security import ServerSecurity, ServerSecurityParameters
-from textile_twin_ros.parameters import declare, parameter
+from textile_twin_ros.opcua_security import ServerSecurity, ServerSecurityParameters, declare_connection
+from textile_twin_ros.parameters import parameter
 from textile_twin_ros.spinning import EXECUTORS, finish_with, run
 from textile_twin_ros.twin_outputs import Thinning
 
@@ -96,12 +95,9 @@ class OpcuaServerNode(Node):
         import asyncua
 
         super().__init__("opcua_server_node")
-        logging.getLogger("asyncua").setLevel(logging.CRITICAL)
-        self.settings = settings = declare(self, OpcuaServerParameters)
+        self.settings = settings = declare_connection(self, OpcuaServerParameters, "opc.tcp://0.0.0.0:4840")
         self.executor_name = settings.executor
         self.finished = Future()
-        if not settings.url.startswith("opc.tcp://"):
-            raise SceneError(f"parameter 'url' is '{settings.url}': give an address, opc.tcp://0.0.0.0:4840")
         machine = load_machine(settings.machine)
         self._name = settings.name or self.get_namespace().strip("/").replace("/", "_") or machine.name
         self._security = ServerSecurity(settings)
