@@ -46,6 +46,16 @@ class Reference(Protocol):
         """Add an index pulse, and return the readings that waited for it; none is older than the first pulse."""
 
 
+def check_reference(encoder: Encoder, edges: bool, index: bool) -> None:
+    """Check that the angle of an encoder has a reference; arguments and errors as in `reference_of`."""
+    if not edges:
+        return
+    if not encoder.teeth:
+        raise SceneError("edges are counted only when the number of teeth is known: set teeth of the encoder")
+    if not encoder.missing_teeth and not index:
+        raise SceneError("nothing marks tooth 0 of the wheel: set missing_teeth of the encoder, or give index pulses")
+
+
 def reference_of(encoder: Encoder, edges: bool, index: bool) -> Reference | None:
     """Create the reference that an encoder needs; None if its readings are angles already.
 
@@ -57,13 +67,8 @@ def reference_of(encoder: Encoder, edges: bool, index: bool) -> Reference | None
     Raises:
         SceneError: The wheel has no teeth, or neither a gap nor an index pulse marks tooth 0.
     """
+    check_reference(encoder, edges, index)
     if edges:
-        if not encoder.teeth:
-            raise SceneError("edges are counted only when the number of teeth is known: set teeth of the encoder")
-        if not encoder.missing_teeth and not index:
-            raise SceneError(
-                "nothing marks tooth 0 of the wheel: set missing_teeth of the encoder, or give index pulses"
-            )
         return EdgeCounter(encoder.teeth, encoder.missing_teeth, index)
     return IndexedAngle() if index else None
 

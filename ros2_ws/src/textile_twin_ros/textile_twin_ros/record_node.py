@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import math
 import time
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -29,7 +29,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from textile_twin_core.errors import OutputError, RecordingError, SceneError, TwinError
+from textile_twin_core.errors import RecordingError, SceneError, TwinError
 from textile_twin_core.files import remove
 from textile_twin_ros.diagnostics import OK, WARN, WINDOW_S, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for, topic_name
@@ -103,7 +103,6 @@ class RecordNode(Node):
         enough = dict(self._parse_count(text) for text in self.settings.stop_after)
         self._progress = Progress(enough, self.settings.stop_when_idle_s)
         self._writer: BagWriter | None = None
-        self._open_files = ExitStack()
         self._retained = time.monotonic()
         self._told_silent = self._told_stuck = False
         self._looked = time.monotonic()
@@ -128,14 +127,13 @@ class RecordNode(Node):
         if self._writer is None:
             return
         self._drain(self._writer)
-        path, self._writer = self._writer.path, None
+        writer, path, self._writer = self._writer, self._writer.path, None
         self._inlets.write_to(None)
         try:
-            self._open_files.close()
-        except OutputError as error:
+            writer.close()
+        except OSError as error:
             self._drop_if_empty(path)
-            assert isinstance(error.__cause__, OSError)  # which is what the writer makes it of
-            raise self._cut_short(path, error.__cause__) from error
+            raise self._cut_short(path, error) from error
         if self._drop_if_empty(path):
             print("nothing came: no recording is kept", flush=True)
             return
@@ -179,14 +177,13 @@ class RecordNode(Node):
 
         path = self._place.take_next()
         settings = self.settings
-        writer = BagWriter(
+        writer = self._writer = BagWriter(
             path,
             live=True,
             overwrite=settings.overwrite,
             split_bytes=round(settings.split_MB * 1e6),
             split_s=settings.split_minutes * 60.0,
         )
-        self._writer = self._open_files.enter_context(writer)
         self._progress.begin()
         self._inlets.write_to(writer)
         self.get_logger().info(f"recording to {path}")
@@ -267,9 +264,9 @@ class RecordNode(Node):
         """Leave the recording as it is on the disk; one without a message goes where its name is ours."""
         writer, self._writer = self._writer, None
         self._inlets.write_to(None)
-        with suppress(TwinError, OSError):
-            self._open_files.close()
         if writer is not None:
+            with suppress(TwinError, OSError):
+                writer.close()
             self._drop_if_empty(writer.path)
 
     def _cut_short(self, path: Path, error: OSError) -> RecordingError:

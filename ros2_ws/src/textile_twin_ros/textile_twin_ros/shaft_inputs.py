@@ -60,13 +60,12 @@ class AngleInput(SampleInput):
         depth: int,
         take: Callable[[list[Sample]], None],
     ) -> None:
-        self._give = take
         self._create = lambda: reference_of(machine.sensors.encoder, settings.angle_type == "edges", settings.index)
         self._reference = self._create()
         common = (settings.joint, depth, settings.qos_reliability, lambda: settings.no_data_timeout_s)
         self._unit = self.angle_unit_rad = settings.angle_unit_rad
         self._latest: deque[float] = deque(maxlen=0 if settings.angle_type == "edges" else _REMEMBERED)
-        super().__init__(node, "main_shaft/angle", ANGLE_READERS[settings.angle_type], *common, self._on_samples)
+        super().__init__(node, "main_shaft/angle", ANGLE_READERS[settings.angle_type], *common, take)
         self._index = SampleInput(node, "main_shaft/index", EDGES, *common, self._on_pulses) if settings.index else None
 
     def statuses(self, counts: Mapping[str, float] | None = None) -> list[Status]:
@@ -98,7 +97,7 @@ class AngleInput(SampleInput):
     def _unit_findings(self) -> list[Finding]:
         return unit_findings(np.fromiter(self._latest, np.float64, len(self._latest)), self._unit)
 
-    def _on_samples(self, block: list[Sample]) -> None:
+    def _accept(self, block: list[Sample]) -> None:
         if self._unit != 1.0:
             block = [(stamp, angle * self._unit, speed * self._unit) for stamp, angle, speed in block]
         self._latest.extend([angle for _, angle, _ in block])
@@ -111,7 +110,7 @@ class AngleInput(SampleInput):
 
     def _pass_on(self, block: list[Sample]) -> None:
         if block:
-            self._give(block)
+            super()._accept(block)
 
 
 class TorqueInput(SampleInput):
@@ -127,11 +126,11 @@ class TorqueInput(SampleInput):
     def __init__(
         self, node: Node, settings: SensorParameters, depth: int, take: Callable[[list[Sample]], None]
     ) -> None:
-        self._unit, self._give = settings.torque_unit_Nm, take
+        self._unit = settings.torque_unit_Nm
         self._begin()
         common = (settings.joint, depth, settings.qos_reliability, lambda: settings.no_data_timeout_s)
         kind = TORQUE_READERS[settings.torque_type]
-        super().__init__(node, "balancing_torque/measured", kind, *common, self._on_samples)
+        super().__init__(node, "balancing_torque/measured", kind, *common, take)
 
     def status(self, counts: Mapping[str, float] | None = None, seen: Iterable[Finding] = ()) -> Status:
         """As in SampleInput, with what the samples themselves show."""
@@ -148,8 +147,8 @@ class TorqueInput(SampleInput):
         self._restarts = RestartWatch()
         self._last_ns: int | None = None
 
-    def _on_samples(self, block: list[Sample]) -> None:
-        self._give([(stamp, self._judged(stamp, value * self._unit), rate) for stamp, value, rate in block])
+    def _accept(self, block: list[Sample]) -> None:
+        super()._accept([(stamp, self._judged(stamp, value * self._unit), rate) for stamp, value, rate in block])
 
     def _judged(self, stamp_ns: int, torque_Nm: float) -> float:
         """The torque, NaN where it is none; counts what does not serve."""

@@ -30,7 +30,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 import textile_twin_core as ttc
-from textile_twin_core.twin.encoder_reference import reference_of
+from textile_twin_core.twin.encoder_reference import check_reference
 from textile_twin_ros.endpoints import depth_for, samples_qos
 from textile_twin_ros.machine import load_machine
 from textile_twin_ros.messages import SECOND_NS, HeaderTemplate, JointTemplate, WrenchTemplate
@@ -103,7 +103,7 @@ class ShaftNode(Node):
             SceneError: edges of a wheel that has no teeth, or whose tooth 0 nothing would tell.
         """
         edges, index = self.settings.angle_type == "edges", self.settings.index
-        reference_of(encoder, edges, index)
+        check_reference(encoder, edges, index)
         motion, wheel = self._motion, self._encoder
         marks: list[tuple[Send, Marks]] = []
         pitch = TURN / encoder.teeth if encoder.teeth else 0.0

@@ -30,7 +30,7 @@ from std_srvs.srv import Trigger
 
 from textile_twin_core.errors import SceneError, TwinError
 from textile_twin_core.machine import AnyMachine
-from textile_twin_core.twin.encoder_reference import reference_of
+from textile_twin_core.twin.encoder_reference import check_reference
 from textile_twin_ros.description import Description
 from textile_twin_ros.diagnostics import OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for, publisher_name, refuse_own_outputs
@@ -119,7 +119,11 @@ class TwinNode(LifecycleNode):
         call_every(self, _LOOK_S, self._look)
 
     def _refuse_what_does_not_fit(self) -> None:
-        """Answer a transition that this state does not have; rclpy's own service ends the node with it."""
+        """Answer a transition that this state does not have with false.
+
+        The service of rclpy raises there, which ends the node, and its handler is private. The handler is therefore
+        wrapped by public attributes, `Node.services` and `Service.callback`.
+        """
         service = next(service for service in self.services if service.srv_type is ChangeState)
         change = service.callback
 
@@ -141,7 +145,7 @@ class TwinNode(LifecycleNode):
         settings = self.settings
         try:
             machine = self._machine = load_machine(settings.machine, settings.encoder())
-            reference_of(machine.sensors.encoder, settings.angle_type == "edges", settings.index)
+            check_reference(machine.sensors.encoder, settings.angle_type == "edges", settings.index)
             outputs = topics_of(machine)
             unknown = [topic for topic in settings.wait_for if topic not in outputs]
             if unknown:

@@ -210,8 +210,8 @@ class TwinStream:
         return judged(status, [*stalled_findings(growth, apart_s), *findings])
 
     def _sender(self, topic: str) -> Send:
-        """What sends a message of a topic: rclpy's own call, without the layers that ask for its type each time."""
-        return patient(self.publishers[topic].handle.publish_raw)
+        """Return the function that sends a serialised message on a topic."""
+        return patient(self.publishers[topic].publish)
 
     def _publish(self, samples: Iterable[Sample]) -> None:
         for sample in samples:
