@@ -20,8 +20,12 @@ from scipy.signal import butter, sosfiltfilt
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.comparison.shaft_track import shaft_track
 from textile_twin_core.driveline import bare_shaft, follow_motion
+from textile_twin_core.driveline.observer import ShaftObserver
+from textile_twin_core.driveline.observer_step import shaft_readings
 from textile_twin_core.machine import Encoder
 from textile_twin_core.machine.main_shaft import MainShaft, ShaftPiece, Station
+from textile_twin_core.shaft import create_estimator
+from textile_twin_core.twin.second_readings import SecondReadings
 
 BAND_HZ = 45.0
 """Torques are compared below this frequency, without their means."""
@@ -170,13 +174,40 @@ def rigid(run: Run, motion: tuple[FloatArray, ...], fitted: FloatArray | None) -
     return list((columns @ fitted).T), fitted
 
 
-def twisted(run: Run, stiffness: float | None) -> tuple[FloatArray, float]:
-    """Upper torque from the encoders on both sides of the soft piece, and its stiffness: fitted where not given."""
-    twist = run.angles_rad[0] - run.angles_rad[1]
-    if stiffness is None:
-        banded = in_band(twist)
-        stiffness = float(banded @ in_band(run.upper_Nm) / (banded @ banded))
-    return stiffness * twist, stiffness
+def two_encoders(run: Run, values: tuple[float, float]) -> FloatArray:
+    """Upper torque by the observer of a shaft of two stations: disc 6, and all behind the soft piece.
+
+    values: stiffness and damping of the soft piece.
+    """
+    stiffness, damping = values
+    behind = float(bare_shaft(main_shaft(START, 7)).chain.inertia.sum())
+    shaft = MainShaft(
+        (Station("d6", INERTIAS[6]), Station("d7", behind)),
+        (ShaftPiece("d6", "d7", stiffness_Nm_rad=stiffness, damping_Nms_rad=damping),),
+        second_encoder_at="d7",
+    )
+    stamps = np.rint(run.time_s * 1e9).astype(np.int64)
+    states = create_estimator("causal", resolution_rad=ENCODER_STEP_RAD).step(stamps, run.angles_rad[0])
+    second = SecondReadings()
+    second.take(stamps, run.angles_rad[1])
+    readings = shaft_readings(states.rows, *second.at(states.stamps, states.rows["origin"]))
+    observer = ShaftObserver(bare_shaft(shaft), float(np.ptp(run.angles_rad[0]) / np.ptp(run.time_s)))
+    observer.take(readings)
+    observer.repeat()
+    return np.interp(run.time_s, states.stamps * 1e-9, observer.take(readings).motion.pieces[:, 0])
+
+
+def fit_two(run: Run) -> tuple[float, float]:
+    """Stiffness and damping of the soft piece that explain the upper torque best."""
+
+    def residuals(logs: FloatArray) -> FloatArray:
+        return unexplained(run, [two_encoders(run, _soft(logs))])[0]
+
+    return _soft(least_squares(residuals, np.zeros(2), bounds=(-3.0, 3.0), diff_step=1e-2).x)
+
+
+def _soft(logs: FloatArray) -> tuple[float, float]:
+    return START["soft_stiffness_Nm_rad"] * float(np.exp(logs[0])), 2e-3 * float(np.exp(logs[1]))
 
 
 def main(folder: Path) -> None:
@@ -200,9 +231,9 @@ def table(recordings: dict[str, Run]) -> None:
         values = fit(runs[0], motions[0], disc)
         print(f"fitted from disc {disc}:", ", ".join(f"{name} {value:.4g}" for name, value in values.items()))
         rows[f"chain, disc {disc}"] = [predict(run, m, values, disc) for run, m in zip(runs, motions, strict=True)]
-    _, stiffness = twisted(runs[0], None)
-    print(f"fitted from discs 6 and 7: stiffness {stiffness:.4g} N m/rad")
-    rows["twist, discs 6 and 7"] = [[twisted(run, stiffness)[0]] for run in runs]
+    soft = fit_two(runs[0])
+    print(f"fitted from discs 6 and 7: stiffness {soft[0]:.4g} N m/rad, damping {soft[1]:.2g} N m s/rad")
+    rows["observer, discs 6 and 7"] = [[two_encoders(run, soft)] for run in runs]
     print("\n| model and encoder |", *(f"{name}: T1, T2 |" for name in recordings))
     print("|---|" + "---|" * len(runs))
     for name, predictions in rows.items():

@@ -1,6 +1,7 @@
 """Stiffness, damping and drive of an elastic shaft from its drive's end, over seeds of the noise, as a table.
 
 Run from the root of the repository: python -m tests.benchmarks.shaft_identification [SEEDS] [MOTOR_WANDER_NM]
+[FIRST_SEED]
 
 Sixteen tufting linkages on 4 m of 60 mm at 300 rpm, 8 s, torque noise 1 N m, 14-bit encoder at 1 kHz; the machine file
 is 8 % below or 10 % above the truth in all four numbers. With a motor torque that wanders every record has a motion of
@@ -20,11 +21,11 @@ from textile_twin_core.comparison import Readings
 from textile_twin_core.comparison.shaft_identification import identify_shaft
 
 
-def main(seeds: int, wander_Nm: float) -> None:
+def main(seeds: int, wander_Nm: float, first: int) -> None:
     """Print a Markdown table."""
     wide, rows = WideMachine(0.06), []
     made = simulate(wide, 300.0, 8.0, settle_s=1.0)
-    for seed in range(seeds):
+    for seed in range(first, first + seeds):
         if wander_Nm:
             made = simulate(wide, 300.0, 8.0, settle_s=1.0, seed=seed, motor_wander_Nm=wander_Nm)
         noise = np.random.default_rng(seed).normal(0.0, 1.0, made.time_s.size)
@@ -35,7 +36,7 @@ def main(seeds: int, wander_Nm: float) -> None:
             each = found.parameters[name]
             low, high = each.interval95
             rows.append((name, each.value / value - 1.0, (each.value - value) / each.sigma, low <= value <= high))
-        print(f"seed {seed} of {seeds}", file=sys.stderr, flush=True)
+        print(f"seed {seed}, the last is {first + seeds - 1}", file=sys.stderr, flush=True)
     print("| parameter | largest error | mean error | scatter of z | truth in interval |\n|---|--:|--:|--:|--:|")
     for name in truth(wide):
         errors, scores, inside = (
@@ -46,4 +47,5 @@ def main(seeds: int, wander_Nm: float) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 20, float(sys.argv[2]) if len(sys.argv) > 2 else 0.0)
+    seeds, wander, first = sys.argv[1:] + ["20", "0", "0"][len(sys.argv) - 1 :]
+    main(int(seeds), float(wander), int(first))

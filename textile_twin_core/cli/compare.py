@@ -19,7 +19,7 @@ from textile_twin_core.cli.outputs import print_rows
 from textile_twin_core.cli.places import check_output
 from textile_twin_core.cli.predicted import station_angles
 from textile_twin_core.cli.progress import stages
-from textile_twin_core.cli.readings import read_samples, readings_of
+from textile_twin_core.cli.readings import read_samples, read_second, readings_of
 from textile_twin_core.cli.recording_batch import BatchJob, add_batch, one_recording, quietly, run_batch
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 from textile_twin_core.comparison import Comparison, assess, compare_torque, summary_rows, verdict_lines
@@ -126,10 +126,11 @@ def comparing(job: BatchJob) -> dict[str, Any]:
 def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded: bool = False) -> Comparison:
     """The comparison that the arguments of add_recording ask for; recorded: with the predictions in the recording."""
     bag, angles, measured = read_samples(arguments, machine)
+    second = read_second(arguments, machine, bag)
     with stages(len(angles)) as stage:
         # Smoothing the whole recording takes as long again, when its last sample is there.
         done = stage("predicting", _PREDICTED, 2 * len(angles))
-        predicted = recompute(angles, machine, arguments.shaft, done, **shaft_settings(arguments))
+        predicted = recompute(angles, machine, arguments.shaft, done, second, **shaft_settings(arguments))
         stage("judging", _JUDGED, 1)
         known = (predicted.stamps_ns, predicted.torque_Nm, predicted.settled)
         readings = without_elasticity(readings_of(angles, measured), machine, predicted.track, *known)

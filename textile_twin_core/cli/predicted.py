@@ -8,7 +8,7 @@ import numpy as np
 
 from textile_twin_core.cli.arguments import shaft_settings
 from textile_twin_core.cli.progress import progress
-from textile_twin_core.cli.readings import read_angles, tell_unit
+from textile_twin_core.cli.readings import read_angles, read_second, tell_unit
 from textile_twin_core.machine import AnyMachine, Machine
 from textile_twin_core.recordings.prediction import predictions
 from textile_twin_core.twin import Samples, compile_machine
@@ -41,12 +41,12 @@ def predicted_blocks(
     arguments: argparse.Namespace, machine: AnyMachine, outputs: list[str], shaft: str
 ) -> tuple[np.ndarray, list[Samples], list[StampedEvent]]:
     """Return stamps [ns] and predictions at the recorded angles, and the events at stops and pads."""
-    _, angles = read_angles(arguments, machine)
+    bag, angles = read_angles(arguments, machine)
     tell_unit(angles)
     session = compile_machine(machine, outputs).session(shaft, **shaft_settings(arguments))
     with progress(len(angles), "predicting") as done:
         blocks, events = [], list[StampedEvent]()
-        for block in predictions(session, angles, done):
+        for block in predictions(session, angles, done, read_second(arguments, machine, bag)):
             blocks.append(block)
             events += session.take_events()
     return np.concatenate([np.asarray(block.stamps, np.int64) for block in blocks]), blocks, events

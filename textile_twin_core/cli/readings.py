@@ -8,13 +8,14 @@ from textile_twin_core.cli.mistakes import tell
 from textile_twin_core.cli.sensor_options import topics_of
 from textile_twin_core.comparison import Readings
 from textile_twin_core.comparison.readings import SecondAngle
-from textile_twin_core.machine import AnyMachine, Machine
+from textile_twin_core.machine import AnyMachine
 from textile_twin_core.recordings import open_bag
 from textile_twin_core.recordings.bag import Bag
 from textile_twin_core.recordings.machine_topics import SECOND_ANGLE_TOPIC, unit_notes
 from textile_twin_core.recordings.recorded_clock import clock_notes, on_one_clock
 from textile_twin_core.recordings.sample_times import evenly_timed, evenly_timed_angles
 from textile_twin_core.recordings.samples import AngleSamples, TorqueSamples
+from textile_twin_core.twin.session import has_second_encoder
 
 
 def read_angles(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Bag, AngleSamples]:
@@ -54,7 +55,7 @@ def read_samples(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Ba
 
 def read_second(arguments: argparse.Namespace, machine: AnyMachine, bag: Bag) -> SecondAngle | None:
     """The second encoder's angles where machine and recording have one."""
-    if not isinstance(machine, Machine) or machine.shaft is None or machine.shaft.second_encoder_at is None:
+    if not has_second_encoder(machine):
         return None
     seen = topics_of(arguments).read_second_angles(bag)
     if seen is None:

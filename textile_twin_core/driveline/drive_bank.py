@@ -8,8 +8,9 @@ shift and of the drive in five numbers x = (theta, omega, d, lambda, beta):
 
 L is the torque of everything else on the chain. With L from the chain an unknown drive is a linear regression on the
 readings. Each filter takes the drive torque for a random walk of intensity R N^-6 / T^5, N its memory in samples
-(Kalata 1984, The tracking index), learns its own scale of the reading noise R from its innovations, and is weighed by
-Student's likelihood with fixed-share mixing (Raftery et al. 2010, Online prediction under model uncertainty).
+(Kalata 1984, The tracking index); for a mass on a spring of natural frequency w that is R N^-2 / T (w^2 + (N T)^-2)^2.
+It learns its own scale of the reading noise R from its innovations, and is weighed by Student's likelihood with
+fixed-share mixing (Raftery et al. 2010, Online prediction under model uncertainty).
 """
 
 from __future__ import annotations
@@ -120,27 +121,28 @@ def release(bank: DriveBank, torque: float, scale: float) -> None:
 
 
 @compiled_in_place
-def predict(bank: DriveBank, dt: float, interval: float, variance: float, learning: float) -> None:
+def predict(bank: DriveBank, dt: float, interval: float, variance: float, learning: float, square: float = 0.0) -> None:
     """Advance the filters over a time `dt` [s].
 
     interval: mean time between readings [s]; variance: of one reading [rad^2]; learning: 1 once slip and inertia are
-    estimated, 0 before.
+    estimated, 0 before; square: that of the natural frequency of what is filtered, 0 for a rigid shift [1/s^2].
     """
-    (_, t1, t2, t3, t4), (w0, w1, w2, w3, w4) = bank.step[0], bank.step[1]
+    (t0, t1, t2, t3, t4), (w0, w1, w2, w3, w4) = bank.step[0], bank.step[1]
     for m in range(bank.memory.size):
         x, p = bank.x[m], bank.covariance[m]
-        shift = x[0] + t1 * x[1] + t2 * x[2] + t3 * x[3] + t4 * x[4]
+        shift = t0 * x[0] + t1 * x[1] + t2 * x[2] + t3 * x[3] + t4 * x[4]
         speed = w0 * x[0] + w1 * x[1] + w2 * x[2] + w3 * x[3] + w4 * x[4]
         x[0], x[1] = shift, speed
         for j in range(5):
-            shift = p[0, j] + t1 * p[1, j] + t2 * p[2, j] + t3 * p[3, j] + t4 * p[4, j]
+            shift = t0 * p[0, j] + t1 * p[1, j] + t2 * p[2, j] + t3 * p[3, j] + t4 * p[4, j]
             speed = w0 * p[0, j] + w1 * p[1, j] + w2 * p[2, j] + w3 * p[3, j] + w4 * p[4, j]
             p[0, j], p[1, j] = shift, speed
         for j in range(5):
-            shift = p[j, 0] + t1 * p[j, 1] + t2 * p[j, 2] + t3 * p[j, 3] + t4 * p[j, 4]
+            shift = t0 * p[j, 0] + t1 * p[j, 1] + t2 * p[j, 2] + t3 * p[j, 3] + t4 * p[j, 4]
             speed = w0 * p[j, 0] + w1 * p[j, 1] + w2 * p[j, 2] + w3 * p[j, 3] + w4 * p[j, 4]
             p[j, 0], p[j, 1] = shift, speed
-        p[TORQUE, TORQUE] += variance * bank.scale[m] * bank.memory[m] ** -6.0 / interval**5 * dt
+        follows = square + (bank.memory[m] * interval) ** -2.0
+        p[TORQUE, TORQUE] += variance * bank.scale[m] * bank.memory[m] ** -2.0 / interval * follows**2 * dt
         p[SLIP, SLIP] += learning * bank.prior[0] ** 2 * _DRIFT * dt
         p[MOBILITY, MOBILITY] += learning * bank.prior[1] ** 2 * _DRIFT * dt
 

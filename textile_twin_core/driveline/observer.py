@@ -1,4 +1,4 @@
-"""Observer of an elastic shaft: readings of one encoder in, motion of all stations and torques of all pieces out."""
+"""Observer of an elastic shaft: readings of one encoder or two in, motion of all stations and torques of pieces out."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ from textile_twin_core.driveline.observer_step import (
     observe_readings,
 )
 from textile_twin_core.driveline.runs import Outputs, follow, outputs
+from textile_twin_core.driveline.second_encoder import assembled, hold_zero, second_encoder
 from textile_twin_core.driveline.step import chain_state
 
 _STABLE = 0.9
@@ -77,12 +78,14 @@ class ShaftObserver:
 
     The chain is the process model, with the drive's disc free. Corrections shift all stations alike. A bank of Kalman
     filters (`drive_bank`) estimates them, the drive's torque, and inertia and slip where the machine leaves them out.
+    A second encoder corrects the twist (`second_encoder`).
 
     Args:
         elastic: The shaft, from `elastic_shaft`.
         nominal_speed_rad_s: Speed at which the step's error is measured.
         scales: Times and errors to take over from a similar shaft; computed unless given.
         memories: Samples over which each filter of the bank takes the drive torque for constant.
+        second_period_rad: Angle after which readings of the second encoder may repeat, reduced to the main shaft.
     """
 
     def __init__(
@@ -91,7 +94,9 @@ class ShaftObserver:
         nominal_speed_rad_s: float,
         scales: ObserverScales | None = None,
         memories: FloatArray = MEMORIES,
+        second_period_rad: float = math.tau,
     ) -> None:
+        self._second_period = abs(second_period_rad)
         self.elastic, self._speed, self._given, self._memories = elastic, nominal_speed_rad_s, scales, memories
         shaft = elastic.shaft
         drive, self._gear = shaft.drive_station, elastic.ratios[shaft.drive_station] ** 2
@@ -111,13 +116,18 @@ class ShaftObserver:
         step = math.sqrt(full**2 + 12.0 * _FREQUENCY_ERROR / first**2)
         return ObserverScales(first, ratio, step, self._numeric_error(step))
 
-    def _first_mode(self) -> tuple[float, float]:
-        """First natural frequency [rad/s] and damping ratio of the free chain with mean inertias."""
-        shaft, chain, inertia = self.elastic.shaft, self.elastic.chain, self._inertia.copy()
+    def _full_inertia(self) -> FloatArray:
+        """(stations,) mean inertias with the drive's; an unknown drive counts as before the first reading."""
+        shaft, inertia = self.elastic.shaft, self._inertia.copy()
         unknown = (1.0 / FIRST_DRIVE - 1.0) * float(inertia.sum())
         known = shaft.drive.inertia_kgm2
         inertia[shaft.drive_station] += unknown if known is None else known * self._gear
-        stiffness, damping = _assembled(chain.stiffness), _assembled(chain.damping) + np.diag(chain.viscous)
+        return inertia
+
+    def _first_mode(self) -> tuple[float, float]:
+        """First natural frequency [rad/s] and damping ratio of the free chain with mean inertias."""
+        chain, inertia = self.elastic.chain, self._full_inertia()
+        stiffness, damping = assembled(chain.stiffness), assembled(chain.damping) + np.diag(chain.viscous)
         squares, shapes = scipy.linalg.eigh(stiffness, np.diag(inertia))
         first, shape = math.sqrt(max(squares[1], 0.0)), shapes[:, 1]
         return first, float(shape @ damping @ shape) / (2.0 * first)
@@ -158,6 +168,10 @@ class ShaftObserver:
             _MOBILITY_SIGMA / others if given.inertia_kgm2 is None else 0.0,
             self._memories,
         )
+        second = shaft.second_encoder_station
+        self._second = second_encoder(
+            elastic.chain, self._full_inertia(), shaft.encoder_station, second, self._second_period
+        )
         self._room = Room(self._inertia, np.zeros(elastic.stations), self._most_lead, np.zeros((4, 5)))
         self._observer: Any = records(OBSERVER)
         piece, sign = shaft.torque_piece
@@ -173,7 +187,8 @@ class ShaftObserver:
             "ground": float(ground.sum()), "drive_ground": float(ground[drive]),
             "drive_disc": float(elastic.chain.inertia[drive]) - inertia,
             "known_inertia": float(known), "known_slip": float(given.slip_Nms_rad is not None), "inertia": inertia,
-            "slip": slip, "drive": drive, "encoder": shaft.encoder_station, "piece": piece, "sign": sign,
+            "slip": slip, "drive": drive, "encoder": shaft.encoder_station,
+            "second": -1.0 if second is None else second, "piece": piece, "sign": sign,
             "substep": scales.substep_s, "numeric": scales.numeric_error,
             "wait": _WAIT_PERIODS * 2.0 * math.pi / scales.first_mode_rad_s, "ring": ring,
         }  # fmt: skip
@@ -186,11 +201,18 @@ class ShaftObserver:
             self._observer[name] = 0.0
         self._observer["mode"] = FOLLOWING
 
+    def repeat(self) -> None:
+        """Begin the same record again: as `restart`, with the zero of a second encoder fixed at its mean."""
+        self.restart()
+        hold_zero(self._second)
+
     def take(self, readings: ShaftReadings) -> Observed:
         """Take readings in their order, in blocks of any size."""
         count = readings.step.size
         found, out = records(STATE, count), outputs(count, self.elastic.stations)
-        observe_readings(self._chain_now, self._state, self._bank, self._observer, self._room, readings, found, out)
+        observe_readings(
+            self._chain_now, self._state, self._bank, self._observer, self._room, self._second, readings, found, out
+        )
         return Observed(found, out)
 
     @property
@@ -204,11 +226,3 @@ class ShaftObserver:
         """Slip of the drive, given or estimated, at its own station."""
         now = self._observer[0]
         return float(now["lam"] / now["beta"]) / float(self._gear)
-
-
-def _assembled(pieces: FloatArray) -> FloatArray:
-    """Matrix of a chain from the stiffness or damping of its pieces."""
-    matrix = np.zeros((pieces.size + 1, pieces.size + 1))
-    for i, value in enumerate(pieces):
-        matrix[i : i + 2, i : i + 2] += value * np.array([[1.0, -1.0], [-1.0, 1.0]])
-    return matrix

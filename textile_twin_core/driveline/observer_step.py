@@ -17,6 +17,13 @@ from textile_twin_core.compiling import by_reference, compiled_in_place
 from textile_twin_core.driveline.chain import ShaftChain
 from textile_twin_core.driveline.drive_bank import DriveBank, begin_bank, covariance_of, predict, release, update
 from textile_twin_core.driveline.runs import Outputs, observe, twist_statically
+from textile_twin_core.driveline.second_encoder import (
+    SecondEncoder,
+    add_twist,
+    advance_second,
+    restart_second,
+    take_second,
+)
 from textile_twin_core.driveline.step import ChainState, midpoint_step
 
 Record: TypeAlias = Any
@@ -59,7 +66,7 @@ OBSERVER = np.dtype(
             "others", "side",  # mean inertia of all but the drive, and beyond the torque sensor from the drive
             "ground", "drive_ground", "drive_disc",  # viscous friction of all stations, of the drive's; its own disc
             "known_inertia", "known_slip", "inertia", "slip",  # 1 where given; values
-            "drive", "encoder", "piece", "sign",  # stations; the sensor's piece
+            "drive", "encoder", "second", "piece", "sign",  # stations; the sensor's piece
             "substep", "numeric", "wait", "ring",  # [s]; integration error over RMS torque; times [s], see `observer`
         )
     ]
@@ -91,12 +98,18 @@ class ShaftReadings(NamedTuple):
     speed: FloatArray
     acceleration: FloatArray
     covariance: FloatArray
+    second: FloatArray
+    """the second encoder's latest reading since the sample before [rad]; NaN where there is none"""
+    late: FloatArray
+    """time from the second encoder's reading to the sample [s]"""
 
 
-def shaft_readings(rows: Records) -> ShaftReadings:
-    """Readings from rows of the shaft estimator's states."""
+def shaft_readings(rows: Records, second: FloatArray | None = None, late: FloatArray | None = None) -> ShaftReadings:
+    """Readings from rows of the shaft estimator's states, with those of a second encoder where given."""
     columns = ("step", "reading", "unit", "noise", "cut", "settled", "angle", "speed", "acceleration", "covariance")
-    return ShaftReadings(*(np.ascontiguousarray(rows[name]) for name in columns))
+    missing = np.full(len(rows), math.nan)
+    beside = (missing if each is None else each for each in (second, late))
+    return ShaftReadings(*(np.ascontiguousarray(rows[name]) for name in columns), *beside)
 
 
 @by_reference
@@ -120,13 +133,14 @@ def observe_readings(
     bank: DriveBank,
     observers: Records,
     room: Room,
+    second: SecondEncoder,
     readings: ShaftReadings,
     found: Records,
     out: Outputs,
 ) -> None:
     """Take readings in their order; fills a row of `found` and of `out` for each."""
     for j in range(readings.step.size):
-        _take(chain, state, bank, observers[0], room, readings, j, found[j], out)
+        _take(chain, state, bank, observers[0], room, second, readings, j, found[j], out)
 
 
 @compiled_in_place
@@ -136,12 +150,14 @@ def _take(
     bank: DriveBank,
     o: Record,
     room: Room,
+    second: SecondEncoder,
     r: ShaftReadings,
     j: int,
     row: Record,
     out: Outputs,
 ) -> None:
     """Take one reading."""
+    twist_variance = 0.0
     sense = abs(r.speed[j]) > _SENSE_SIGMAS * math.sqrt(max(r.covariance[j, 4], 0.0))
     gap = r.step[j] > _GAP_SAMPLES * o.interval > 0.0
     if o.interval == 0.0:
@@ -157,13 +173,29 @@ def _take(
             _forget(state, o)
     if o.mode == OBSERVING:
         observe(chain, state, o.theta, o.omega, 0.0, -1, room.torque, j, out)
+        if second.shape.size:
+            twist_variance = _take_second(chain, o, second, r, j, out)
     else:
+        restart_second(second)
         o.theta, o.omega = r.angle[j], r.speed[j]
         _twist(chain, state, o, room, r.acceleration[j])
         observe(chain, state, o.theta, o.omega, r.acceleration[j], int(o.drive), room.torque, j, out)
-    _report(chain, state, bank, o, room, r, j, row, out)
+    _report(chain, state, bank, o, room, r, j, row, out, twist_variance)
     if o.mode == FOLLOWING and sense and r.settled[j] > 0.5:
         _begin(bank, o, room, r, j)
+
+
+@compiled_in_place
+def _take_second(chain: ShaftChain, o: Record, second: SecondEncoder, r: ShaftReadings, j: int, out: Outputs) -> float:
+    """Correct row j by the second encoder; returns the variance that this gives the sensor's torque."""
+    variance = 2.0 * r.variance[j]  # that of the difference of two readings
+    advance_second(second, r.step[j], o.interval, variance)
+    if not math.isnan(r.second[j]) and r.used[j] > 0.0:
+        encoder, at, late = int(o.encoder), int(o.second), r.late[j]
+        twist = out.psi[j, at] - out.psi[j, encoder] - late * (out.omega[j, at] - 0.5 * late * out.alpha[j, at])
+        rung = 1.0 if o.since_begin > o.ring else 0.0
+        take_second(second, r.second[j] - r.reading[j] - twist, o.interval, variance, rung)
+    return add_twist(second, chain, int(o.piece), j, out)
 
 
 @compiled_in_place
@@ -335,6 +367,7 @@ def _report(
     j: int,
     row: Record,
     out: Outputs,
+    twist_variance: float,
 ) -> None:
     """The encoder's station, covariances and the torque's sigma."""
     encoder = int(o.encoder)
@@ -354,7 +387,7 @@ def _report(
         for k in range(i, 3):
             covariance = covariance_of(bank, gradient[i], gradient[k])
             row.covariance[3 * i + k] = row.covariance[3 * k + i] = covariance
-    variance = covariance_of(bank, gradient[3], gradient[3]) + o.numeric**2 * o.torque_square
+    variance = covariance_of(bank, gradient[3], gradient[3]) + o.numeric**2 * o.torque_square + twist_variance
     row.sigma = math.sqrt(max(variance, 0.0))
     learned = (bank.prior[0] == 0.0 and bank.prior[1] == 0.0) or (o.converged > 0.0 and o.since_release > o.ring)
     sure = row.sigma <= _SURE * math.sqrt(o.torque_square)

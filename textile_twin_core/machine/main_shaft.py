@@ -188,7 +188,10 @@ class MainShaft:
             k = len(self.pieces)
             raise MachineError(f"pieces: the one from '{self.names[k]}' to '{self.names[k + 1]}' is missing")
         self.station(self.encoder_at, "encoder_at")
-        self.station(self.second_encoder_at, "second_encoder_at")
+        if self.second_encoder_station == self.encoder_station:
+            raise MachineError(
+                f"second_encoder_at: station '{self.second_encoder_at}' has the first encoder already; name another one"
+            )
         self.station(self.drive.at, "drive.at")
         _ = self.torque_piece
 

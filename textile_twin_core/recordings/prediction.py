@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
+from textile_twin_core.comparison.readings import SecondAngle
 from textile_twin_core.comparison.shaft_track import ShaftTrack, track_of
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Machine
@@ -48,13 +49,23 @@ class PredictedTorque:
     track: ShaftTrack | None = None
 
 
-def predictions(session: Session, angles: AngleSamples, progress: Progress | None = None) -> Iterator[Samples]:
+def predictions(
+    session: Session, angles: AngleSamples, progress: Progress | None = None, second: SecondAngle | None = None
+) -> Iterator[Samples]:
     """Process recorded angles in a session and yield the predictions, block by block.
+
+    Args:
+        session: The session.
+        angles: Angles of the encoder.
+        progress: Is called with the number of samples of each block.
+        second: Angles of a second encoder.
 
     Raises:
         RecordingError: There is not a single prediction.
     """
     some = False
+    if second is not None:
+        session.take_second(second.stamps_ns, second.angle)
     for start in range(0, len(angles), _BLOCK):
         part = slice(start, start + _BLOCK)
         velocities = None if angles.velocities is None else angles.velocities[part]
@@ -76,11 +87,12 @@ def recompute(
     machine: Machine,
     shaft: str = "smooth",
     progress: Progress | None = None,
+    second: SecondAngle | None = None,
     **shaft_settings: float,
 ) -> PredictedTorque:
-    """Predict the torque from recorded angles with the named shaft estimator."""
+    """Predict the torque from recorded angles, and those of a second encoder, with the named shaft estimator."""
     session = compile_machine(machine, [TORQUE]).session(shaft, **shaft_settings)
-    blocks = list(predictions(session, angles, progress))
+    blocks = list(predictions(session, angles, progress, second))
     track, encoder = None, machine.sensors.encoder
     if shaft == "smooth":
         states = [block.states for block in blocks]

@@ -137,7 +137,8 @@ class ElasticTwin:
 
     def observer(self) -> ShaftObserver:
         """An observer before its first reading."""
-        return ShaftObserver(self.elastic, self.machine.nominal_speed_rad_s)
+        period = TURN * self.machine.sensors.second_encoder.ratio
+        return ShaftObserver(self.elastic, self.machine.nominal_speed_rad_s, second_period_rad=period)
 
     def session(self, shaft: str = "causal", **settings: Any) -> Session:
         """A session: angle samples of the encoder in, predictions out, the chain's state kept between blocks.

@@ -9,12 +9,13 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.driveline import ElasticShaft
 from textile_twin_core.driveline.observer import Observed, ShaftObserver
-from textile_twin_core.driveline.observer_step import shaft_readings
+from textile_twin_core.driveline.observer_step import ShaftReadings, shaft_readings
 from textile_twin_core.machine.main_shaft import ShaftDrive
 from textile_twin_core.shaft import OneState, ShaftStates
 from textile_twin_core.shaft.status import Records
 from textile_twin_core.twin.elastic_motion import ElasticMotion, ElasticOutputs, set_angle, state_rows
 from textile_twin_core.twin.predictor import Prediction
+from textile_twin_core.twin.second_readings import SecondReadings
 
 _KEPT = np.dtype(
     [
@@ -43,6 +44,7 @@ class ElasticPredictor:
     def __init__(self, elastic: ElasticShaft, observer: ShaftObserver, results: ElasticOutputs, twice: bool) -> None:
         self._elastic, self._observer, self._results, self._twice = elastic, observer, results, twice
         self._held: list[tuple[np.ndarray, Records]] = []
+        self._second = SecondReadings()
 
     def with_outputs(self, results: ElasticOutputs) -> ElasticPredictor:
         """The same observer, asked for other outputs."""
@@ -66,7 +68,11 @@ class ElasticPredictor:
             states = ShaftStates.empty(states.stamps)
         if len(states) == 0:
             return Prediction(states, {name: np.empty(0) for name in self._results.names}, np.empty(0))
-        return self._observed(states.stamps, states.rows)
+        return self._observed(states.stamps, states.rows, self._readings(states.stamps, states.rows))
+
+    def take_second(self, stamps: np.ndarray, angles: FloatArray) -> None:
+        """Take readings of the second encoder, before the states that they belong to."""
+        self._second.take(stamps, angles)
 
     def finish(self, states: ShaftStates) -> Prediction:
         """Predictions for the readings that are held, with these at the end."""
@@ -74,9 +80,10 @@ class ElasticPredictor:
         if self._held:
             stamps, rows = (np.concatenate(parts) for parts in zip(*self._held, strict=True))
             self._held = []
-            self._observer.take(shaft_readings(rows))
-            self._observer.restart()
-            prediction = self._observed(stamps, rows)
+            readings = self._readings(stamps, rows)
+            self._observer.take(readings)
+            self._observer.repeat()
+            prediction = self._observed(stamps, rows, readings)
         self._observer.restart()
         return prediction
 
@@ -91,10 +98,14 @@ class ElasticPredictor:
     def reset(self) -> None:
         """Forget all readings, and what was learnt of the drive."""
         self._held = []
+        self._second.reset()
         self._observer.reset()
 
-    def _observed(self, stamps: np.ndarray, rows: Records) -> Prediction:
-        observed = self._observer.take(shaft_readings(rows))
+    def _readings(self, stamps: np.ndarray, rows: Records) -> ShaftReadings:
+        return shaft_readings(rows, *self._second.at(stamps, rows["origin"]))
+
+    def _observed(self, stamps: np.ndarray, rows: Records, readings: ShaftReadings) -> Prediction:
+        observed = self._observer.take(readings)
         motion = self._motion(stamps, rows, observed)
         piece, _ = self._elastic.shaft.torque_piece
         sigma = observed.found["sigma"] / abs(self._elastic.ratios[piece + 1])

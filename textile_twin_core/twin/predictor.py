@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.contact import ContactEvent
@@ -82,6 +84,15 @@ class Predictor(Protocol):
 
     def reset(self) -> None:
         """Reset the state."""
+        ...
+
+
+@runtime_checkable
+class SecondEncoderPredictor(Protocol):
+    """Predictor that uses a second encoder."""
+
+    def take_second(self, stamps: np.ndarray, angles: FloatArray) -> None:
+        """Take its readings: (n,) stamps and angles [rad], reduced to the main shaft."""
         ...
 
 

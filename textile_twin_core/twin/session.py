@@ -14,11 +14,12 @@ import numpy.typing as npt
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.errors import SceneError
+from textile_twin_core.machine import AnyMachine, Machine
 from textile_twin_core.machine.sensitivity import TorqueSensitivity
 from textile_twin_core.machine.sensors import Encoder
 from textile_twin_core.shaft import SampleReport, ShaftStates, create_estimator
 from textile_twin_core.shaft.turns import TURN, TURN_TAIL
-from textile_twin_core.twin.predictor import AnyTwin, Predictor, StampedEvent, names_text
+from textile_twin_core.twin.predictor import AnyTwin, Predictor, SecondEncoderPredictor, StampedEvent, names_text
 from textile_twin_core.twin.sense import SENSE_SIGMAS
 
 _PIECE = 65_536
@@ -138,6 +139,11 @@ def encoder_settings(encoder: Encoder) -> dict[str, Any]:
     }
 
 
+def has_second_encoder(machine: AnyMachine) -> bool:
+    """True for a machine with a second encoder on its elastic shaft."""
+    return isinstance(machine, Machine) and machine.shaft is not None and machine.shaft.second_encoder_at is not None
+
+
 def _span_text(stamps: FloatArray | IntArray) -> str:
     """Format the time span; stamps are seconds, or integers in nanoseconds."""
     if not len(stamps):
@@ -197,6 +203,27 @@ class Session:
         angle = (np.asarray(angles, dtype=np.float64) - self._encoder.zero_rad) * self._factor
         velocity = None if velocities is None else np.asarray(velocities, dtype=np.float64) * self._factor
         return self._predict(self._estimator.step(stamps, angle, velocity))
+
+    def take_second(self, stamps: npt.ArrayLike, angles: npt.ArrayLike) -> None:
+        """Take readings of the second encoder of an elastic shaft; call it before `step`.
+
+        Each sample of the first encoder uses the latest reading since the sample before it.
+
+        Args:
+            stamps: (n,) on the clock of the angle samples, integers [ns] or floats [s].
+            angles: (n,) measured angles [rad], wrapped or not.
+
+        Raises:
+            SceneError: The machine has no second encoder.
+        """
+        if not has_second_encoder(self.twin.machine) or not isinstance(self._predictor, SecondEncoderPredictor):
+            raise SceneError(
+                f"machine '{self.twin.machine.name}' has no second encoder: name its station as second_encoder_at"
+                " under `shaft`"
+            )
+        encoder = self.twin.machine.sensors.second_encoder
+        angle = (np.asarray(angles, dtype=np.float64) - encoder.zero_rad) * (encoder.direction * encoder.ratio)
+        self._predictor.take_second(np.asarray(stamps), angle)
 
     def step_one(
         self, stamp: int | float, angle: float, velocity: float | None = None, sigma: bool = False
