@@ -90,3 +90,21 @@ def test_the_gain_stays_and_inertia_and_friction_are_told(tmp_path: Path, share:
         told = found.parameters[name]
         assert told.value == pytest.approx(value, abs=4.0 * told.sigma), name
         assert told.sigma < 0.03 * max(value, INERTIA_KGM2), name
+
+
+def test_noise_and_ripple_accuse_neither_machine_nor_sensor(tmp_path: Path) -> None:
+    """A run-up of 20 s; noise and a ripple of the turn hide the torque of the inertia."""
+    rng = np.random.default_rng(57)
+    time = np.arange(0.0, 20.0, 1e-3)
+    settle_s, top = 2.0, 150.0
+    omega = top * (1.0 - np.exp(-time / settle_s))
+    theta = top * (time - settle_s * (1.0 - np.exp(-time / settle_s)))
+    alpha = top / settle_s * np.exp(-time / settle_s)
+    torque = INERTIA_KGM2 * alpha + VISCOUS_NMS * omega + 4.0 * COULOMB_NM
+    torque = torque + 0.05 * np.sin(theta) + 0.2 * rng.standard_normal(time.size)
+    stamps = np.rint(time * 1e9).astype(np.int64)
+    step = 2.0 * np.pi / 2**14
+    noisy = Readings(stamps, np.rint(theta / step) * step, stamps, torque)
+    assert {cause.cause for cause in assess(noisy, machine(tmp_path)).verdict} <= {"unmodelled_friction"}
+    found = identify(noisy, machine(tmp_path)).parameters
+    assert found["added_inertia_kgm2"].value == pytest.approx(0.0, abs=3.0 * found["added_inertia_kgm2"].sigma)

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from tests.generators.multibody import Floats
 from tests.generators.planned_motion import Plan, run_up_and_down, steady
+from tests.generators.rocker_spring import spring_torque
 from tests.generators.shaft_law import LOOM_FRICTION, Backing, Friction, loom_law, tufting_law
 
 Stamps = npt.NDArray[np.int64]
@@ -63,7 +64,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class Case:
-    """A recording's truth and the user's machine file."""
+    """A recording's truth and the user's machine file; `spring`: both have that of `rocker_spring`."""
 
     machine: str = "tufting"
     told_machine: str = ""
@@ -79,6 +80,7 @@ class Case:
     start_rad: float | None = None
     stamp_error_s: float = 20e-6
     loss: float = 0.02
+    spring: bool = False
 
 
 @dataclass(frozen=True)
@@ -102,7 +104,8 @@ def healthy(machine: str, seed: int, **changes: object) -> Case:
 def torque_of(case: Case, theta: Floats, omega: Floats, alpha: Floats) -> Floats:
     """Compute the true torque of a case's machine."""
     law, backing = (tufting_law(), case.backing) if case.machine == "tufting" else (loom_law(), None)
-    return law.torque(theta, omega, alpha, case.friction, backing, case.added_inertia_kgm2)
+    torque = law.torque(theta, omega, alpha, case.friction, backing, case.added_inertia_kgm2)
+    return torque + spring_torque(case.machine, theta) if case.spring else torque
 
 
 def record(case: Case) -> MillRecording:

@@ -9,8 +9,9 @@ from tempfile import TemporaryDirectory
 
 import textile_twin_core as ttc
 from tests.generators.mill_recordings import Case
+from tests.generators.rocker_spring import SPRINGS
 from tests.generators.shaft_law import LOOM_FILE
-from textile_twin_core.dynamics.loads import ShaftFriction
+from textile_twin_core.dynamics.loads import ShaftFriction, Spring
 from textile_twin_core.machine import Machine
 from textile_twin_core.machine.sensors import Encoder, Sensors, TorqueSensor
 
@@ -32,5 +33,10 @@ def told_machine(case: Case) -> Machine:
     machine, told = _declared(case.told_machine), case.told
     if not told.friction:
         machine = replace(machine, loads=tuple(load for load in machine.loads if not isinstance(load, ShaftFriction)))
+    if case.spring:
+        spring = SPRINGS[case.told_machine]
+        anchor = (spring.anchor.real, spring.anchor.imag)
+        load = Spring("B", "G", spring.stiffness_N_m, spring.free_length_m)
+        machine = replace(machine, points={**machine.points, "G": anchor}, loads=(*machine.loads, load))
     encoder = Encoder(told.zero_rad, told.direction, told.ratio)
     return replace(machine, sensors=Sensors(encoder, TorqueSensor(told.gain, told.offset_Nm, told.delay_s)))

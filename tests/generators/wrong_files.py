@@ -17,7 +17,8 @@ from textile_twin_core.machine import Machine
 from textile_twin_core.machine.slots import read, slots, write
 
 MISTAKES = {"mass_kg": (0.1, 0.3), "inertia_kgm2": (0.1, 0.3), "centroid_along": (0.1, 0.3), "length_m": (0.01, 0.02)}
-"""Relative size of a mistake, by the end of the number's name."""
+SPRING_MISTAKES = {"stiffness_N_m": (0.35, 0.35)}
+"""Relative size of a mistake, by the end of the number's name; and those of a machine with a spring."""
 _OFF = ("mass", "inertia", "centroid", "length", "ground", "force", "spring")
 
 
@@ -26,7 +27,7 @@ def wrong_files(case: Case) -> Iterator[tuple[str, float, Machine]]:
     rng = np.random.default_rng([case.seed, 99])
     machine = told_machine(case)
     values, paths = read(machine), {slot.name: parameter_path(slot) for slot in slots(machine)}
-    for what, (least, most) in MISTAKES.items():
+    for what, (least, most) in (SPRING_MISTAKES if case.spring else MISTAKES).items():
         name = str(rng.choice([each for each in values if each.endswith(what) and values[each]]))
         factor = 1.0 + float(rng.uniform(least, most) * rng.choice([-1.0, 1.0]))
         try:

@@ -26,6 +26,7 @@ from textile_twin_core.inference.posterior import Posterior, infer
 from textile_twin_core.inference.record import MOST_SAMPLES, Record
 from textile_twin_core.inference.settled import Settled, settle, settled_sensors
 from textile_twin_core.inference.starts import RATIOS
+from textile_twin_core.inference.torque_model import TabulatedTorque
 from textile_twin_core.machine import Machine
 
 LONGEST_DELAY_S = 1.0
@@ -43,6 +44,8 @@ _LEAST_PART, _EQUAL = 0.25, 0.9
 _MOST_TOLD = 3
 _FEWEST_SETTLED = 6.0
 """Turns of a part from which the turn beside a leap is left out."""
+_SHOWN = 2.0
+"""Standard errors of a covariance of residuals below which it is none."""
 _PLAUSIBLE_RAD_S = (0.2, 700.0)
 _WHEEL = (
     "read off a toothed wheel the acceleration is not known well enough for this torque: no verdict on it; hold the"
@@ -95,6 +98,42 @@ class Judged:
     encoder_turn_rad: float
     explained: float
     governed_Nms: float
+
+    @cached_property
+    def unexplained(self) -> float:
+        """Share of the torque's variance that stays unexplained and is no noise of single samples.
+
+        Noise of one sample is not that of the next: what counts is the covariance of the residuals of neighbours, and
+        of means over a turn, which overlap, of every other one. A machine that explains too little to pay for its
+        departures is not excused by noise.
+        """
+        p = self.posterior
+        m = p.measurement
+        m.model.linearise(m.values(p.fit.x), p.departing)
+        residual, good = m.residual(p.hypothesis, p.fit.x)
+        means, good = m.means(np.column_stack([residual, m.record.torque_Nm]), good)
+        square, variance = float(np.mean(means[good, 0] ** 2)), max(float(np.var(means[good, 1])), 1e-300)
+        if not 0.5 * np.count_nonzero(good) * math.log(variance / max(square, 1e-300)) > p.surprise:
+            return square / variance
+        if self.whole_turns:
+            product = (means[:-2, 0] * means[2:, 0])[good[:-2] & good[2:]]
+        else:
+            turning = self.evidence.thinned(self.evidence.time_s.size)
+            first = np.unique(np.linspace(0, turning.time_s.size - 2, MOST_SAMPLES // 2).astype(np.int64))
+            k = np.concatenate([first, first + 1])
+            record = replace(m.record, time_s=turning.time_s[k], torque_Nm=turning.torque_Nm[k], block_s=0.0)
+            residual, good = m.on(record).residual(p.hypothesis, p.fit.x)
+            (one, other), both = residual.reshape(2, -1), good.reshape(2, -1).all(0)
+            product, variance = (one * other)[both], max(float(np.var(turning.torque_Nm[first])), 1e-300)
+        if not product.size:
+            return 1.0
+        shown = float(np.mean(product)) - _SHOWN * float(np.std(product)) / math.sqrt(product.size)
+        return max(shown, 0.0) / variance
+
+    @property
+    def whole_turns(self) -> bool:
+        """Whether means over whole turns were fitted, since the machine's torque does not depend on the angle."""
+        return not self.posterior.measurement.model.depends_on_angle()
 
     @cached_property
     def settled(self) -> Settled:
@@ -151,7 +190,9 @@ def _assess(readings: Readings, machine: Machine, track: ShaftTrack | None) -> A
         # Fits of a rigid machine would explain the vibration by false inertias and sensors.
         return Assessment(unit, None, (elastic_cause(twisting),), (RIGID_NOTE,))
     found = _judged(readings, machine, terms, unit, evidence)
-    if not unit.wrapped and (found is None or found.explained < 0.9):
+    # without a linkage another unit of the angle is the same as another inertia
+    rotor = found is not None and found.whole_turns
+    if not unit.wrapped and not rotor and (found is None or found.explained < 0.9):
         unit, found = _other_unit(readings, machine, terms, (unit, found))
     if found is None:
         return Assessment(unit, None, (), ("no setting of encoder and torque sensor gives any accord",))
@@ -159,7 +200,7 @@ def _assess(readings: Readings, machine: Machine, track: ShaftTrack | None) -> A
     speed = found.posterior.hypothesis.turn * evidence.working_speed()
     per_turn = samples_per_turn(readings.angle_stamps_ns, speed)
     # What any machine could explain is asked only when this one leaves something.
-    short = 1.0 - found.explained > NOT_THIS_MACHINE
+    short = found.unexplained > NOT_THIS_MACHINE
     periodic = best_periodic(evidence.thinned(), found.settings) if short else found.explained
     if short and machine.sensors.encoder.teeth:
         # Its pitch errors read as acceleration: what follows from that accuses no part.
@@ -201,17 +242,28 @@ def _inferred(
     """
     turning = evidence.in_blocks().thinned(_MOST_GOVERNED)
     governed = torque_by_speed(turning, configured.delay_s)
-    found = infer(record_of(evidence, bool(governed)), machine, configured, ratios)
+    rotor = not TabulatedTorque(machine, (), {}).depends_on_angle()
+    if rotor:  # another ratio is the same as another inertia
+        ratios = ratios[:1]
+    found = infer(record_of(evidence, bool(governed), rotor), machine, configured, ratios)
     if found is not None and not governed:
         governed = torque_by_speed(turning, found.hypothesis.delay_s + found.value(DELAY))
         if governed:
-            found = infer(record_of(evidence, True), machine, configured, ratios)
+            found = infer(record_of(evidence, True, rotor), machine, configured, ratios)
     return found, governed
 
 
-def record_of(evidence: Evidence, speed_controlled: bool = False) -> Record:
-    """The record as the inference reads it, by samples, or under a controller by means over a tenth of a turn."""
-    turning = (evidence.in_blocks() if speed_controlled else evidence).thinned(MOST_SAMPLES)
+def record_of(evidence: Evidence, speed_controlled: bool = False, whole_turns: bool = False) -> Record:
+    """The record as the inference reads it: by samples, or by means.
+
+    Args:
+        evidence: the record.
+        speed_controlled: by means over a tenth of a turn.
+        whole_turns: by means over a turn, where the machine's torque does not depend on the angle. A torque that
+            repeats with the angle then comes from elsewhere, and its ripple in speed must not pass for an inertia.
+    """
+    blocks = evidence.in_blocks(whole_turns=whole_turns) if speed_controlled or whole_turns else evidence
+    turning = blocks.thinned(MOST_SAMPLES)
     return Record(
         turning.time_s,
         turning.torque_Nm,

@@ -118,7 +118,7 @@ def calibrate(readings: Readings, machine: Machine, begin: Begin = unheard) -> C
     found = assessment.found
     if found is None:
         raise RecordingError("; ".join(assessment.notes))
-    short = 1.0 - found.explained > NOT_THIS_MACHINE
+    short = found.unexplained > NOT_THIS_MACHINE
     reasons = ("other_machine", "stamps_in_bursts") if short else ("other_machine",)
     foreign = [c.text for c in assessment.verdict if c.cause in reasons]
     if foreign:

@@ -114,9 +114,9 @@ class Evidence:
             turning = turning[np.linspace(0, turning.size - 1, most).astype(np.int64)]
         return replace(self, time_s=self.time_s[turning], torque_Nm=self.torque_Nm[turning])
 
-    def in_blocks(self, governed: bool = False) -> Evidence:
-        """The same to be weighed by means over a tenth of a turn at working speed instead of by samples."""
-        width = TURN / _BLOCKS_A_TURN / abs(self.working_speed())
+    def in_blocks(self, governed: bool = False, whole_turns: bool = False) -> Evidence:
+        """The same to be weighed by means over a tenth of a turn, or a turn, at working speed instead of by samples."""
+        width = TURN / (1.0 if whole_turns else _BLOCKS_A_TURN) / abs(self.working_speed())
         return replace(self, block_s=width, governed=governed)
 
     def weighed(self, values: FloatArray, good: BoolArray) -> tuple[FloatArray, BoolArray]:

@@ -21,6 +21,8 @@ from textile_twin_core.comparison.repeating_motion import excess_of, repeating_m
 from textile_twin_core.comparison.result import plain
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
 from textile_twin_core.comparison.smooth_fit import (
+    SLOW_ORDERS,
+    SLOW_ORDERS_OF_ROTOR,
     SmoothFit,
     clean_tracks,
     instrumented_fit,
@@ -41,6 +43,7 @@ from textile_twin_core.comparison.torque_model import (
 from textile_twin_core.comparison.uncertainty import Estimate, uncertainty_by_turns
 from textile_twin_core.comparison.unmodelled import UnmodelledTorque, unmodelled_torque
 from textile_twin_core.errors import RecordingError
+from textile_twin_core.inference.parameter import DELAY as INFERRED_DELAY
 from textile_twin_core.inference.parameter import ROTOR
 from textile_twin_core.inference.robust import robust_scale
 from textile_twin_core.machine import Machine
@@ -118,8 +121,9 @@ def identify(readings: Readings, machine: Machine, begin: Begin = unheard) -> Id
     values[GAIN] = found.settings.gain
     free, lost = _tellable(model, values, found)
     smooth = tuple(name for name in free if name not in EVENTS)
-    steady = None if found.governed_Nms else _steady(readings, machine, evidence)
-    clean = clean_tracks(model.with_spread(_WIDEST_RAD), steady, values, smooth)
+    steady = None if found.governed_Nms or found.whole_turns else _steady(readings, machine, evidence)
+    orders = SLOW_ORDERS_OF_ROTOR if found.whole_turns else SLOW_ORDERS
+    clean = clean_tracks(model.with_spread(_WIDEST_RAD), steady, values, smooth, orders)
     for each in lost:
         values[each.name] = told[each.name]
     values, events, fit, moved = _solve(model, clean, values, free, begin)
@@ -164,7 +168,7 @@ def _settled(readings: Readings, machine: Machine) -> tuple[Judged, tuple[str, .
         if cause.cause in _WRONG_FIRST:
             raise RecordingError(f"{cause.text}: settle the sensors first with textile-twin calibrate")
         # Less than this a force or an angle that is to be identified may leave.
-        if cause.cause == "other_machine" and 1.0 - found.explained > _LEFT_BY_LOADS:
+        if cause.cause == "other_machine" and found.unexplained > _LEFT_BY_LOADS:
             raise RecordingError(f"nothing to identify: {cause.text}")
     return found, assessment.notes
 
@@ -184,6 +188,10 @@ def _tellable(
             names.remove(name)
             text = f"{name} cannot be told from {partner} at one speed; it stays as configured"
             lost.append(NotIdentifiable(name, text))
+    if found.whole_turns and DELAY in names and INFERRED_DELAY not in found.posterior.departing:
+        names.remove(DELAY)
+        text = f"{DELAY} stays as configured: without a linkage only changes of speed show it, and these show none"
+        lost.append(NotIdentifiable(DELAY, text))
     wide = model.with_spread(_WIDEST_RAD)
     effects = wide.jacobian(values, tuple(names))[wide.parts(values).good]
     free, more = identifiable(effects, names, GIVEN_UP_FIRST)

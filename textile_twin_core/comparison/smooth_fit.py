@@ -16,8 +16,10 @@ from textile_twin_core.inference.robust import HUBER, huber_weights, robust_scal
 
 _MOST_LOSS = 2.0
 """Standard deviations beside those of least squares, beyond which these live on errors of the track."""
-_ORDERS = (3.0, 5.0, 8.0)
+SLOW_ORDERS = (3.0, 5.0, 8.0)
 """Of the turn, that limit the slow part of the motion."""
+SLOW_ORDERS_OF_ROTOR = (0.3, 0.5, 0.8)
+"""Where the torque does not depend on the angle: what repeats with it is of another source."""
 _ROUNDS, _STILL, _RUN_AWAY = 8, 1e-4, 2.0
 
 
@@ -67,7 +69,11 @@ def least_squares_fit(
 
 
 def clean_tracks(
-    model: TorqueModel, steady: ShaftTrack | None, values: dict[str, float], free: tuple[str, ...]
+    model: TorqueModel,
+    steady: ShaftTrack | None,
+    values: dict[str, float],
+    free: tuple[str, ...],
+    orders: tuple[float, ...] = SLOW_ORDERS,
 ) -> tuple[ShaftTrack, ...]:
     """Tracks without the errors of the model's track, to take instruments on: the best first, then others as good.
 
@@ -78,7 +84,7 @@ def clean_tracks(
     evidence = model.evidence
     if steady is not None and _loss(_on(model, steady, values, free)) <= _MOST_LOSS:
         return (steady,)
-    slow = tuple(slow_motion(evidence.track, order, evidence.rest_rad_s) for order in _ORDERS)
+    slow = tuple(slow_motion(evidence.track, order, evidence.rest_rad_s) for order in orders)
     return slow if np.isfinite(_loss(_on(model, slow[0], values, free))) else (evidence.track,)
 
 

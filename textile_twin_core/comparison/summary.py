@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 from textile_twin_core.comparison.result import Comparison
-from textile_twin_core.comparison.verdict import NOT_THIS_MACHINE
 
 
 def summary_rows(comparison: Comparison) -> list[tuple[str, str]]:
@@ -47,7 +46,7 @@ def _aligned(comparison: Comparison) -> list[tuple[str, str]]:
 
 def is_as_told(comparison: Comparison) -> bool:
     """Whether the recording was judged, and the machine file found right; False where nothing can be told."""
-    return not comparison.verdict and 1.0 - comparison.explained <= NOT_THIS_MACHINE
+    return not comparison.verdict and bool(comparison.quantities)
 
 
 def verdict_lines(comparison: Comparison) -> list[str]:

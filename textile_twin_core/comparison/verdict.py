@@ -98,7 +98,7 @@ def causes(found: Judged, unit: AngleUnit, per_turn: float, periodic: float) -> 
             f" {unit.told}; for nodes angle_unit_rad {unit.to_radians:.10g}"
         )
         named.insert(0, Cause("angle_unit", text, unit.name))
-    unexplained = 1.0 - found.explained
+    unexplained = found.unexplained
     surprising = found.posterior.surprise > IMPLAUSIBLE_NATS
     if unexplained > _NOTHING_ELSE or surprising:
         named = []  # values that were bent to fit another machine mean nothing
@@ -312,7 +312,7 @@ def _rotor(found: Judged, name: str) -> Cause:
     away, sigma = p.departure(ROTOR), p.sigma(ROTOR)
     text = (
         f"{away:.3g} +- {sigma:.2g} kg m2 turn with the shaft that are not in the model, as a motor's rotor or a"
-        " flywheel: add them under main_shaft of bodies in the machine file"
+        f" flywheel: add them under main_shaft of bodies in the machine file{_equivalents(found, ROTOR)[1]}"
     )
     if found.governed_Nms:
         each = 1e-3 * found.governed_Nms / found.settings.gain

@@ -6,6 +6,7 @@ themselves; samples may leave the fit while time shifts, which a general solver 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
@@ -13,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
-from textile_twin_core.inference import blocks
 from textile_twin_core.inference.measurement import Hypothesis, Measurement
 from textile_twin_core.inference.parameter import COULOMB, DELAY, DRIFT, GAIN, ROTOR, ZERO
 from textile_twin_core.inference.robust import huber_loss, huber_weights, robust_scale
@@ -45,7 +45,8 @@ class Fit:
         information: (k, k) of the readings without inflation; gradient: (k,) of their log likelihood.
         scale: of Huber's loss [N m]. inflation: variance of scores per turn over that of independent samples.
         rms: of the residual [N m]. explained: share of the torque's variance.
-        log_likelihood: with the inflation given, without constants.
+        log_likelihood: with the inflation given, without constants. Samples that a shift of time takes out of the fit
+            count as the mean of the others, so that no delay is likelier for leaving samples out.
         covariance: (k, k) of the values, priors included.
         count: residuals that entered.
     """
@@ -65,12 +66,16 @@ class Fit:
 
 @dataclass(frozen=True)
 class _Weighed:
-    """Residuals as weighed at one place: normal matrix, gradient, cost and what they were made from."""
+    """Residuals as weighed at one place: normal matrix, gradient, cost and what they were made from.
+
+    absent: what samples that are not in the fit would add to the cost, each as much as the mean of the others.
+    """
 
     information: FloatArray
     gradient: FloatArray
     scale: float
     cost: float
+    absent: float
     residual: FloatArray
     own: FloatArray
     good: BoolArray
@@ -151,7 +156,7 @@ def map_fit(
         inflation or found,
         here.rms,
         1.0 - here.rms**2 / max(float(np.var(torque)), 1e-300),
-        -0.5 * (here.cost - float(np.sum(away**2 / variance))),
+        -0.5 * (here.cost - float(np.sum(away**2 / variance)) + here.absent),
         covariance,
         here.residual.size,
     )
@@ -186,7 +191,7 @@ def _weigh(
     own = np.ones_like(left)
     if not record.block_s and seen.good.any():
         own = 1.0 / (1.0 + (seen.sigma / (_BESIDE * robust_scale(left[seen.good]))) ** 2)
-    columns, good = _means(measurement, np.column_stack([left, own, seen.theta, seen.slopes]), seen.good)
+    columns, good = measurement.means(np.column_stack([left, own, seen.theta, seen.slopes]), seen.good)
     residual, own, theta, slopes = columns[good, 0], columns[good, 1], columns[good, 2], columns[good, 3:]
     if not scale:
         # means that hold a step of the load scatter more than others and count as much: no robust scale there
@@ -199,11 +204,18 @@ def _weigh(
         at_rest = rest_slopes * (huber_weights(rest, 1.0) * inflation)[:, None]
         information = information + at_rest.T @ rest_slopes
         gradient = gradient + at_rest.T @ rest
-    cost = float(np.sum(own * huber_loss(residual, scale))) / inflation + float(np.sum(huber_loss(rest, 1.0)))
+    loss = float(np.sum(own * huber_loss(residual, scale))) / inflation
+    absent = loss * (good.size - residual.size) / max(residual.size, 1)
+    cost = loss + float(np.sum(huber_loss(rest, 1.0)))
     cost += float(np.sum((x - measurement.nominal) ** 2 / variance))
     turn = np.floor(theta / TURN).astype(np.int64)
+    if record.block_s * abs(record.speed_rad_s) > 0.5 * TURN:
+        # means over a turn scatter from turn to turn: batches of the square root of their number show it
+        turn = turn // max(math.isqrt(int(np.ptp(turn))), 1) if turn.size else turn
     rms = float(np.sqrt(np.sum(own * residual**2) / max(float(np.sum(own)), 1e-300)))
-    return _Weighed(information, gradient, scale, cost, residual, own, good, rms, turn, weight * residual, slopes)
+    return _Weighed(
+        information, gradient, scale, cost, absent, residual, own, good, rms, turn, weight * residual, slopes
+    )
 
 
 def _cost(
@@ -216,7 +228,7 @@ def _cost(
 ) -> float:
     """Cost at another place with the weights of this one, over the samples of both; infinite where too few remain."""
     seen = measurement.expected(hypothesis, x)
-    columns, good = _means(measurement, (measurement.record.torque_Nm - seen.torque_Nm)[:, None], seen.good)
+    columns, good = measurement.means((measurement.record.torque_Nm - seen.torque_Nm)[:, None], seen.good)
     both = here.good & good
     count = np.count_nonzero(both)
     if count < _KEPT * np.count_nonzero(here.good):
@@ -227,14 +239,6 @@ def _cost(
     rest, _ = measurement.at_standstill(hypothesis, x)
     prior = float(np.sum((x - measurement.nominal) ** 2 / variance))
     return loss * np.count_nonzero(here.good) / count + float(np.sum(huber_loss(rest, 1.0))) + prior
-
-
-def _means(measurement: Measurement, columns: FloatArray, good: BoolArray) -> tuple[FloatArray, BoolArray]:
-    """Values at the samples as they are weighed: by themselves, or as means over blocks of time."""
-    record = measurement.record
-    if not record.block_s:
-        return columns, good
-    return blocks.means((record.time_s - record.time_s[0]) / record.block_s, columns, good)
 
 
 def _step(names: tuple[str, ...], index: IntArray, normal: FloatArray, slope: FloatArray, damping: float) -> FloatArray:

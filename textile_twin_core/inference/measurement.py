@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray
+from textile_twin_core.inference import blocks
 from textile_twin_core.inference.parameter import DELAY, DRIFT, GAIN, HELD, OFFSET, ZERO, ModelParameter, gain_factor
 from textile_twin_core.inference.record import Record
 from textile_twin_core.inference.torque_model import TabulatedTorque
@@ -133,6 +134,13 @@ class Measurement:
         good = good & (found.variance <= (_UNCERTAIN * self.working_torque_Nm) ** 2)
         gain = hypothesis.gain * gain_factor(v[GAIN])
         return self.record.torque_Nm - gain * found.torque_Nm - hypothesis.shown_offset(v[OFFSET]), good
+
+    def means(self, columns: FloatArray, good: BoolArray) -> tuple[FloatArray, BoolArray]:
+        """Values (m, k) at the samples as they are weighed: by themselves, or as means over blocks of time."""
+        record = self.record
+        if not record.block_s:
+            return columns, good
+        return blocks.means((record.time_s - record.time_s[0]) / record.block_s, columns, good)
 
     def at_standstill(
         self, hypothesis: Hypothesis, x: FloatArray, slopes: bool = False

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,10 +12,20 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.inference.evidence import Choice, Departures, QuadraticEvidence, choose, is_one
 from textile_twin_core.inference.map_fit import Fit, map_fit, wide_fit
 from textile_twin_core.inference.measurement import Hypothesis, Measurement
-from textile_twin_core.inference.parameter import COULOMB, DELAY, DRIFT, GAIN, OFFSET, ZERO, ModelParameter
+from textile_twin_core.inference.parameter import (
+    COULOMB,
+    DELAY,
+    DRIFT,
+    GAIN,
+    OFFSET,
+    ZERO,
+    ModelParameter,
+    gain_factor,
+    gain_value,
+)
 from textile_twin_core.inference.priors import WorkingPoint, parameters
 from textile_twin_core.inference.record import MOST_SAMPLES, Record
-from textile_twin_core.inference.starts import RATIOS, TURN, hypotheses
+from textile_twin_core.inference.starts import GAINS, LOG_ODDS, RATIOS, TURN, hypotheses
 from textile_twin_core.inference.torque_model import TabulatedTorque
 from textile_twin_core.machine import Machine
 
@@ -126,11 +136,31 @@ def infer(
     for fit in _distinct(fits)[:_HYPOTHESES]:
         others = [fit, *(other for other in fits if other is not fit)]
         found = _Search(measurement, configured, others).run()
+        if found.hypothesis.unit != 1.0:
+            found = _likelier_without_unit(found, others)
         # values that no few mistakes explain may come from the wrong discrete settings
         if found.surprise <= IMPLAUSIBLE_NATS and (first is None or found.explained > first.explained - _AS_GOOD):
             return found
         first = first or found
     return first
+
+
+def _likelier_without_unit(found: Posterior, fits: list[Fit]) -> Posterior:
+    """The posterior in the configured unit instead of another one, where that is likelier.
+
+    A factor near that of a unit may be a wrong number of the file, which the fits of the hypotheses do not have.
+    """
+    m, h = found.measurement, found.hypothesis
+    gain = math.copysign(found.configured.gain, h.gain)
+    k = m.place[GAIN]
+    factor = h.gain / gain * gain_factor(float(found.fit.x[k]))
+    if not GAINS[0] <= factor <= GAINS[1]:
+        return found
+    x = fits[0].x.copy()
+    x[k] = gain_value(factor)
+    start = replace(fits[0], x=x, hypothesis=replace(h, gain=gain, unit=1.0))
+    other = _Search(m, found.configured, [start, *fits[1:]], like=found.fit).run()
+    return other if other.log_evidence > found.log_evidence + LOG_ODDS["unit"] else found
 
 
 def _distinct(fits: list[Fit]) -> list[Fit]:
@@ -155,12 +185,20 @@ def _measurement(record: Record, machine: Machine, configured: Hypothesis) -> Me
 
 
 class _Search:
-    """The search for departures under the likeliest discrete hypothesis; every winner is fitted again."""
+    """The search for departures under the likeliest discrete hypothesis; every winner is fitted again.
 
-    def __init__(self, measurement: Measurement, configured: Hypothesis, fits: list[Fit]) -> None:
+    `like`: another fit, whose scale and inflation are taken, so that the evidence of both can be compared.
+    """
+
+    def __init__(
+        self, measurement: Measurement, configured: Hypothesis, fits: list[Fit], like: Fit | None = None
+    ) -> None:
         self.measurement, self.configured, self.fits, self.top = measurement, configured, fits, fits[0]
         self.speed = self.top.hypothesis.turn * measurement.record.speed_rad_s
-        self.full = map_fit(measurement, self.top.hypothesis, self.top.x, measurement.names)
+        inflation, scale = (0.0, 0.0) if like is None else (like.inflation, like.scale)
+        self.full = map_fit(
+            measurement, self.top.hypothesis, self.top.x, measurement.names, inflation=inflation, scale=scale
+        )
 
     def run(self) -> Posterior:
         """The posterior."""

@@ -51,9 +51,10 @@ PRIORS: Mapping[str, Prior] = {
     "gain": Prior(3e-3, 0.3, 0.03, 0.02),
     # Of the working torque: zero drift of a strain gauge, and a bridge that nobody balanced.
     "offset": Prior(2e-3, 0.15, 0.03, 0.015),
-    # Of the working torque: bearings of a machine that runs warm, and friction that the file leaves out.
-    "coulomb": Prior(3e-3, 0.15, 0.05, 0.015),
-    "viscous": Prior(3e-3, 0.15, 0.03, 0.015),
+    # Of the working torque: bearings of a machine that runs warm, and friction that the file leaves out; a light rotor
+    # may have several times the torque that its file gives.
+    "coulomb": Prior(3e-3, 0.15, 0.05, 0.015, 5.0),
+    "viscous": Prior(3e-3, 0.15, 0.03, 0.015, 5.0),
     # Of the working torque: dry friction and a brake hold a standing shaft.
     "held": Prior(1e-3, 0.15, 0.005, 0.015),
     # Of the mean inertia: couplings; a motor's rotor or a flywheel may weigh many times the linkage.

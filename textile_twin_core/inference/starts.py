@@ -42,7 +42,7 @@ _HOPEFUL, _SCANNED, _RANKED = 25.0, 8, 5
 _WIDE_RAD = 0.1
 _BESIDE_ZERO = 0.8
 """Share of the residual below which a delay beside the zero counts: of few turns, their changes of speed tell it."""
-_GAINS = 0.2, 20.0
+GAINS = 0.2, 20.0
 """Gains of the torque sensor, beside its unit, from which a fit may start."""
 _Scaled = tuple[float, float]
 """Gain of the torque sensor, and added inertia [kg m2]."""
@@ -60,7 +60,7 @@ def hypotheses(measurement: Measurement, configured: Hypothesis, ratios: tuple[f
         coarse = measurement.on(measurement.record.thinned(_FITTED))
     found: list[Fit] = []
     for (factor, inertia), zero, delay, hypothesis in _starts(measurement, configured, ratios):
-        low, high = _GAINS
+        low, high = GAINS
         near = nearest_gain(factor or 1e-3, configured.gain)
         if not low <= abs(factor / near.gain) <= high:  # no gain: some unit, though the scan's factor is rough
             near = nearest_gain(factor or 1e-3, configured.gain, near=math.inf)
