@@ -39,6 +39,9 @@ internals: Any = None
 if numba is not None and not os.environ.get("TEXTILE_TWIN_PLAIN_NUMBA"):
     with suppress(ImportError):
         from textile_twin_core import numba_internals as internals
+with suppress(ImportError):  # of numba's own cache; where they are missing, nothing is cached
+    from numba.core.compiler import CompileResult
+    from numba.core.serialize import dumps
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 _Tuple = TypeVar("_Tuple", bound=type[tuple[Any, ...]])
@@ -182,8 +185,6 @@ class _ContentCache:
         """Load the compiled function for a signature; None where there is no usable entry."""
         target_context.refresh()
         try:
-            from numba.core.compiler import CompileResult
-
             data = self._path(sig, target_context.codegen()).read_bytes()
             return CompileResult._rebuild(target_context, *pickle.loads(data))
         except FileNotFoundError:
@@ -197,8 +198,6 @@ class _ContentCache:
         if data.library.has_dynamic_globals or data.lifted or " at 0x" in str(sig):
             return
         try:
-            from numba.core.serialize import dumps
-
             path = self._path(sig, data.codegen)
             path.parent.mkdir(parents=True, exist_ok=True)
             unfinished = path.with_suffix(f".{uuid4().hex}")
