@@ -5,21 +5,24 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 from textile_twin_core.cli.arguments import Parser, add_machine, add_recording
 from textile_twin_core.cli.mistakes import UsageError
 from textile_twin_core.cli.named_machine import load_linkage
 from textile_twin_core.cli.outputs import add_outputs, check_out, print_rows, write_json
-from textile_twin_core.cli.progress import stages
+from textile_twin_core.cli.progress import Stage, stages
 from textile_twin_core.cli.readings import read_samples, read_second, readings_of
 from textile_twin_core.cli.recording_batch import BatchJob, add_batch, one_recording, quietly, run_batch
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 from textile_twin_core.comparison import Identification, identify, with_table
+from textile_twin_core.comparison.elastic_readings import without_elasticity
 from textile_twin_core.comparison.file_numbers import FileNumbers, identify_numbers
 from textile_twin_core.comparison.shaft_identification import ShaftIdentification, identify_shaft
 from textile_twin_core.files import save_machine_file
 from textile_twin_core.machine import Machine
+from textile_twin_core.recordings.prediction import recompute
 
 _SHOWN = {
     "_Nm_rad": ("N m/rad", 1.0),
@@ -30,6 +33,10 @@ _SHOWN = {
     "_Nm": ("N m", 1.0),
 }
 """Unit and factor by the end of a name; the first that fits counts."""
+_PREDICTED = 0.3
+"""Share of a pass at which the torque of an elastic shaft is predicted."""
+_PASSES = 3
+"""Passes on an elastic shaft: what the twist adds to the torque is predicted with the numbers of the pass before."""
 
 
 def parser() -> Parser:
@@ -74,8 +81,8 @@ def run(arguments: argparse.Namespace) -> None:
         raise UsageError("--table writes into the machine file: give --out too")
     if arguments.table and machine.sensors.encoder.cycle_turns > 1:
         raise UsageError("--table writes a load over one turn: leave it out, --json has the table over the whole cycle")
-    if arguments.free is not None and (arguments.table or machine.shaft is not None):
-        raise UsageError("--free goes with a rigid main shaft and without --table")
+    if arguments.free is not None and arguments.table:
+        raise UsageError("--free goes without --table")
     check_out(arguments)
     if arguments.free is not None:
         numbers = _numbers_of(arguments, machine)
@@ -144,10 +151,25 @@ def _rows(found: Identification | ShaftIdentification) -> list[tuple[str, str]]:
 def _numbers_of(arguments: argparse.Namespace, machine: Machine) -> FileNumbers:
     """The numbers of the machine file that --free names."""
     paths = [path.strip() for path in arguments.free.split(",") if path.strip()]
-    _, angles, measured = read_samples(arguments, machine)
+    bag, angles, measured = read_samples(arguments, machine)
+    read, estimate = readings_of(angles, measured), machine
+    second, passes = read_second(arguments, machine, bag), 1 if machine.shaft is None else _PASSES
     with stages(len(angles)) as stage:
-        read = readings_of(angles, measured)
-        return identify_numbers(read, machine, paths, lambda what, until: stage(what, until, 1))
+        for k in range(passes):
+            rigid = read
+            if estimate.shaft is not None:
+                done = stage("predicting", (k + _PREDICTED) / passes, 2 * len(angles))
+                predicted = recompute(angles, estimate, "smooth", done, second)
+                known = (predicted.stamps_ns, predicted.torque_Nm, predicted.settled)
+                rigid = without_elasticity(read, estimate, predicted.track, *known)
+            begin = partial(_begin, stage, k, passes)
+            found = identify_numbers(rigid, machine, paths, begin)
+            estimate = found.machine
+    return found
+
+
+def _begin(stage: Stage, k: int, passes: int, what: str, until: float) -> None:
+    stage(what, (k + until) / passes, 1)
 
 
 def _number_rows(found: FileNumbers) -> list[tuple[str, str]]:

@@ -117,8 +117,9 @@ def choose(measurement: Measurement, fit: Fit, inflation: float, start: Collecti
     here = frozenset(start)
     best = value(here)
     while True:
-        moves = [here - {name} for name in here]
-        moves += [here - {gone} | {name} for gone in here for name in names if name not in here]
+        inside = sorted(here)  # sets have no order of their own, and the first of equals wins
+        moves = [here - {name} for name in inside]
+        moves += [here - {gone} | {name} for gone in inside for name in names if name not in here]
         if len(here) < _MOST:
             moves += [here | {name} for name in names if name not in here]
         if not here:

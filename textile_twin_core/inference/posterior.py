@@ -109,7 +109,7 @@ class Posterior:
     def surprise(self) -> float:
         """Prior cost of the departures in nats: large where no few mistakes make this machine give this torque."""
         cost = 0.0
-        for name in self.departing:
+        for name in sorted(self.departing):
             p = self.parameter(name)
             cost += min(0.5 * (self.departure(name) / p.spread(self.value(name))) ** 2, 6.0) - p.log_odds
         return cost
@@ -214,7 +214,7 @@ class _Search:
             value, fit, departing = best
             choice = choose(m, fit, full.inflation, departing)
             queue = [(choice.departing, fit.x), *((s, fit.x) for _, s in choice.rivals[:2])]
-            for name in departing:
+            for name in sorted(departing):
                 queue += self._without(fit, departing, name)
             queue = [(s, x) for s, x in queue if s not in tried and not is_one(m, s)]
             tried |= {s for s, _ in queue}

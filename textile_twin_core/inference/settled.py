@@ -73,7 +73,7 @@ def settle(posterior: Posterior, free: Collection[str]) -> Settled:
     """
     m = posterior.measurement
     x = m.nominal.copy()
-    for name in free:
+    for name in sorted(free):
         x[m.place[name]] = posterior.value(name)
     hypothesis, inflation, scale = posterior.hypothesis, posterior.fit.inflation, posterior.fit.scale
     exact = map_fit(m, hypothesis, x, free, free=free, inflation=inflation, scale=scale)

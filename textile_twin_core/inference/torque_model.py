@@ -2,11 +2,12 @@
 
 Over the shaft angle theta the torque is J alpha + C omega^2 + G + F sign(omega) + D omega. Each function of the angle
 is evaluated from the expression graph at the nodes of one table, for the machine and for the machine with each number
-changed; samples read the tables by linear interpolation.
+changed; samples read the tables by linear interpolation. Linkages at the same phase are evaluated once.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -68,6 +69,7 @@ class TabulatedTorque:
         ]
         of_backings = {name for each in self._of_backing for name in each.values()}
         self.tabulated = [p for p in self.parameters if p.name in slots and p.name not in of_backings]
+        self._phases = Counter(place.phase_rad for place in machine.linkages)
         self.turns_fully = machine.linkage.solved.turns_fully
         self._theta = machine.shaft_angles(_NODES)
         self._speed = machine.nominal_speed_rad_s
@@ -77,7 +79,7 @@ class TabulatedTorque:
         self.linearise({p.name: p.nominal for p in self.parameters})
         self._slopes = self._slopes_at_nominal()
         travel = self._table[5::2]
-        entry = [load.entry_plane_m for load in self._backings for _ in machine.linkages]
+        entry = [load.entry_plane_m for load in self._backings for _ in self._phases]
         self._passes = [bool(np.max(h) >= plane) for h, plane in zip(travel, entry, strict=True)]
 
     @property
@@ -161,9 +163,10 @@ class TabulatedTorque:
         out: dict[str, Any] = {VISCOUS: omega, COULOMB: sign, ROTOR: alpha} if slopes else {}
         factors: dict[int, Any] = {INERTIA: alpha, SQUARE: omega**2, WEIGHT: 1.0, DRY: sign, DAMPING: omega}
         variance = np.zeros_like(torque)
+        counts = list(self._phases.values())
         for k, passes in enumerate(self._passes):
-            names = self._of_backing[k // len(self.machine.linkages)]
-            backing = self._backings[k // len(self.machine.linkages)]
+            names, backing = self._of_backing[k // len(counts)], self._backings[k // len(counts)]
+            count = counts[k % len(counts)]
             force, free, entry, leave = (  # a force of 0 is no parameter
                 values[names[what]] if what in names else getattr(backing, what)
                 for what in ("force_N", "free_force_N", "entry_plane_m", "exit_plane_m")
@@ -173,7 +176,7 @@ class TabulatedTorque:
             width = np.abs(rate) * spread_rad + _BESIDE
             away = (travel - np.where(going_in, entry, leave)) / width
             inside = ndtr(away) if passes else np.zeros_like(torque)
-            lever = np.abs(rate) * sign
+            lever = count * np.abs(rate) * sign
             torque = torque + lever * (free + (force - free) * inside)
             variance = variance + (lever * (force - free)) ** 2 * inside * (1.0 - inside)
             if slopes:
@@ -187,7 +190,7 @@ class TabulatedTorque:
                     if what in names:
                         out[names[what]] = out.get(names[what], 0.0) + column
                 factors[5 + 2 * k] = -bump
-                factors[6 + 2 * k] = np.sign(rate) * sign * (free + (force - free) * inside)
+                factors[6 + 2 * k] = count * np.sign(rate) * sign * (free + (force - free) * inside)
         if slopes and self.tabulated and not only_forces:
             found = self._chain(factors, place, share)
             out |= {p.name: found[:, k] for k, p in enumerate(self.tabulated)}
@@ -240,18 +243,20 @@ class TabulatedTorque:
         travels = [displacements[b.on] for b in self._backings]
         parts = [reduced.inertia, reduced.half_slope, reduced.potential_slope]
         parts += [expr for each in travels for expr in (each.position, each.first)]
-        rows = np.zeros((5 + 2 * len(self._backings) * len(machine.linkages), _NODES))
+        rows = np.zeros((5 + 2 * len(self._backings) * len(self._phases), _NODES))
         with np.errstate(all="ignore"):
-            for number, where in enumerate(machine.linkages):
-                theta = self._theta + (where.phase_rad - machine.linkages[0].phase_rad)
+            for number, (phase, count) in enumerate(self._phases.items()):
+                theta = self._theta + (phase - machine.linkages[0].phase_rad)
                 found = interpret(parts, _states(theta, self._speed), np)
                 for k in range(3):
-                    rows[k] += found[k]
+                    rows[k] += count * found[k]
                 for k in range(len(travels)):
-                    place = 5 + 2 * (k * len(machine.linkages) + number)
+                    place = 5 + 2 * (k * len(self._phases) + number)
                     rows[place], rows[place + 1] = found[3 + 2 * k], found[4 + 2 * k]
-                for k, row in self._loads(pulls[min(number, 1)], theta):
-                    rows[k] += row
+                firsts = int(number == 0)
+                for pull, times in zip(pulls, (firsts, count - firsts), strict=True):
+                    for k, row in self._loads(pull, theta) if times else ():
+                        rows[k] += times * row
         return rows
 
     def _motion(self, values: Mapping[str, float], changes: Mapping[str, Any]) -> Motion:
