@@ -17,26 +17,18 @@ from textile_twin_core.machine.elastic_outputs import (
     ACCELERATION,
     ANGLE,
     LAG,
+    PARTS,
     PIECE_TORQUE,
     PLACED,
     POSITION,
     SPEED,
     SPREAD,
+    SUMS,
     ElasticOutput,
     elastic_outputs,
 )
 
 _BALANCING, _INERTIAL = "balancing_torque_Nm", "torque_inertial_Nm"
-_PARTS = ("torque_gravity_Nm", "torque_load_Nm")
-_SUMS = (
-    *_PARTS,
-    "equivalent_inertia_kgm2",
-    "equivalent_inertia_slope_kgm2",
-    "kinetic_energy_J",
-    "potential_energy_J",
-    "balancing_torque_newton_euler_Nm",
-)
-"""Sums over the linkages, each at its own station's motion."""
 _SHAFT = "const double *theta, const double *omega, const double *alpha, const double *piece"
 _ONE = "double theta, double omega, double alpha, double *z"
 
@@ -187,8 +179,8 @@ class _Outputs:
         if name == _BALANCING:
             return f"{float(sign)!r} * piece[{piece}]"
         if name == _INERTIAL:
-            return " - ".join([self.text(_BALANCING), *(f"({self.text(part)})" for part in _PARTS)])
-        if name in _SUMS:
+            return " - ".join([self.text(_BALANCING), *(f"({self.text(part)})" for part in PARTS)])
+        if name in SUMS:
             alone, both = self._lone.model.output(name), self._two.model.output(name)
             more = range(1, len(self._stations))
             return " + ".join([self._of(0, alone), *(self._of(k, both - alone) for k in more)])

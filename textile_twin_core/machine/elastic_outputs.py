@@ -16,9 +16,17 @@ PIECE_TORQUE, ANGLE, SPEED, ACCELERATION, POSITION = (
     "acceleration_rad_s2",
     "position_m",
 )
-
-
 PLACED = "placed"
+PARTS = ("torque_gravity_Nm", "torque_load_Nm")
+SUMS = (
+    *PARTS,
+    "equivalent_inertia_kgm2",
+    "equivalent_inertia_slope_kgm2",
+    "kinetic_energy_J",
+    "potential_energy_J",
+    "balancing_torque_newton_euler_Nm",
+)
+"""Sums over the linkages, each at its own station's motion."""
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,13 @@ from textile_twin_core.machine.elastic_outputs import (
     ACCELERATION,
     ANGLE,
     LAG,
+    PARTS,
     PIECE_TORQUE,
     PLACED,
     POSITION,
     SPEED,
     SPREAD,
+    SUMS,
     ElasticOutput,
     elastic_outputs,
 )
@@ -29,16 +31,6 @@ from textile_twin_core.twin.instant import InstantPredictor, windings
 
 BALANCING = "balancing_torque_Nm"
 _INERTIAL = "torque_inertial_Nm"
-_PARTS = ("torque_gravity_Nm", "torque_load_Nm")
-_SUMS = (
-    *_PARTS,
-    "equivalent_inertia_kgm2",
-    "equivalent_inertia_slope_kgm2",
-    "kinetic_energy_J",
-    "potential_energy_J",
-    "balancing_torque_newton_euler_Nm",
-)
-"""Sums over the linkages, each at its own station's motion."""
 
 _INFLATION = np.outer(INFLATION, INFLATION).reshape(9)
 
@@ -90,7 +82,7 @@ class ElasticOutputs:
         self._elastic = {name: output for name, output in elastic_outputs(machine).items() if name in names}
         self.of_the_shaft = tuple(self._elastic)
         """Names that only an elastic shaft has."""
-        self._sums = tuple(name for name in _SUMS if name in names or (_INERTIAL in names and name in _PARTS))
+        self._sums = tuple(name for name in SUMS if name in names or (_INERTIAL in names and name in PARTS))
         apart = {*self._elastic, *self._sums, BALANCING, _INERTIAL}
         self._usual = tuple(name for name in names if name not in apart)
         self._first, self._lone = machine.linkages[0], replace(machine, shaft=None, linkages=(ShaftPlace(),))
@@ -137,7 +129,7 @@ class ElasticOutputs:
         found[BALANCING] = sign * motion.pieces_Nm[:, piece]
         found |= sums
         if _INERTIAL in self.names:
-            found[_INERTIAL] = found[BALANCING] - sum(sums[part] for part in _PARTS)
+            found[_INERTIAL] = found[BALANCING] - sum(sums[part] for part in PARTS)
         found |= self._placed_outputs(motion) if self._placed else {}
         by_station = self._by_station(motion) if self._elastic else {}
         for name, output in self._elastic.items():
