@@ -187,7 +187,10 @@ def _speed(found: Judged) -> float:
 
 def _zero_departure(found: Judged) -> float:
     """How far the zero is from the configured one [rad]; whole turns of an encoder of another ratio do not count."""
-    away = found.posterior.departure(ZERO)
+    return _in_turn_of_encoder(found, found.posterior.departure(ZERO))
+
+
+def _in_turn_of_encoder(found: Judged, away: float) -> float:
     period = 2.0 * math.pi
     if found.ratio != 1.0:
         period = min(period, found.encoder_turn_rad * found.ratio)
@@ -258,13 +261,14 @@ def _or_inertia(found: Judged, delay_s: float) -> str:
 
 
 def _zero_or_delay(found: Judged, name: str) -> Cause:
-    p, speed = found.posterior, _speed(found)
-    zero, sigma = _as_zero(found)
+    settled, speed = found.settled, _speed(found)
+    _, sigma = _as_zero(found)
+    # At one speed only the sum is known; given its tolerances the file's lengths and phases would take a share of it.
+    late, ahead = settled.given_file(DELAY)[0], settled.given_file(ZERO)[0]
+    zero = _in_turn_of_encoder(found, ahead + late * speed)
     if _is_turn_of_encoder(found, zero):
         return _plain_zero(found)
-    if {ZERO, DELAY} <= p.departing:  # at one speed only their sum is known
-        zero = math.remainder(zero + p.departure(DELAY) * speed, 2.0 * math.pi)
-    delay = p.departure(DELAY) if ZERO not in p.departing else zero / speed
+    delay = late if not ahead else zero / speed
     text = (
         f"zero or delay: {math.degrees(zero):+.1f} deg or {delay * 1e3:.1f} ms{_or_inertia(found, delay)};"
         " the shaft turns at one speed here, a recording with a run-up would tell"
@@ -395,7 +399,7 @@ def quantities(found: Judged, verdict: Iterable[Cause]) -> tuple[Quantity, ...]:
         (
             (OFFSET,),
             "torque offset",
-            f"{s.offset_Nm:+.3f} +- {p.hypothesis.unit * settled.sigma(OFFSET):.3f} N m: {same if rests else apart}",
+            f"{s.offset_Nm:+z.3f} +- {p.hypothesis.unit * settled.sigma(OFFSET):.3f} N m: {same if rests else apart}",
         ),
         ((COULOMB, VISCOUS), "friction", f"{friction:.3f} +- {sigma:.3f} N m at working speed: {same}"),
     ]
