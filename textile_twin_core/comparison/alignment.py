@@ -1,4 +1,4 @@
-"""The prediction as a function of time: interpolation that never crosses a gap or an event of the load."""
+"""Predicted torque as a function of time, interpolated without crossing a gap or an event of the load."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 
 TWO_PI = 2.0 * np.pi
 
-#: An event is a jump when the prediction steps over it this many times further than beside it.
+#: The torque is discontinuous at an event where its step is this many times the steps beside the event.
 JUMP_RATIO = 5.0
 
 #: Two predictions or states further apart than this many usual steps (see `usual_step`) have a gap between them.
@@ -22,18 +22,18 @@ _CREEPS = 0.005
 
 
 def parts(n: int) -> Iterator[slice]:
-    """Slices that cover n samples: what is worked out for one at a time takes no memory for an hour of them."""
+    """Yield slices that cover n samples, so that temporary arrays of a long record stay small."""
     return (slice(start, start + _PART) for start in range(0, n, _PART))
 
 
 def usual_step(step_s: FloatArray) -> float:
-    """The usual step [s] of (n,) steps between samples: the median, or the mean where samples come in bursts."""
+    """Usual step [s] of (n,) steps between samples: the median, or the mean where samples come in bursts."""
     short = step_s[step_s <= _LONGEST_STEP_S]
     return max(float(np.median(step_s)), float(np.mean(short)) if short.size else 0.0)
 
 
 def fast_speed(omega_rad_s: FloatArray) -> float:
-    """The fast end of a record's speeds (n,) while the shaft turns, however long it rests; 0 where it never does."""
+    """95th percentile of the speeds (n,) [rad/s] while the shaft turns, standstill left out; 0 if it never turns."""
     size = np.abs(omega_rad_s[np.isfinite(omega_rad_s)])
     turning = size[size > _CREEPS * np.percentile(size, 99.9)] if size.size else size
     return float(np.percentile(turning, 95.0)) if turning.size else 0.0
@@ -41,19 +41,19 @@ def fast_speed(omega_rad_s: FloatArray) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """A predicted torque over time: one cubic per piece, a piece ending at each sample and at each event.
+    """Predicted torque over time: one cubic per piece; a piece ends at each sample and at each event.
 
-    On either side of an event the torque is carried to the event's instant from its own side, by the parabola
-    through the three nearest samples; so neither a jump (the needle enters the backing) nor a kink (it turns,
-    and friction with it) is smoothed over.
+    On each side of an event the torque is extrapolated to the event's instant by the parabola through the three
+    nearest samples of that side. This smooths neither a discontinuity (the needle enters the backing) nor a kink
+    (the needle turns, and friction with it).
 
     Attributes:
-        edge_s: (p + 1,) ends of the pieces, increasing, seconds from an origin the caller keeps.
+        edge_s: (p + 1,) ends of the pieces, increasing, in seconds from the caller's origin.
         theta_rad: (p + 1,) unwrapped shaft angle there.
         start_Nm, end_Nm, start_slope, end_slope: (p,) torque [N m] and slope [N m/s] at each piece's ends.
         after_sample: (p,) the prediction at or before each piece.
-        blocked: (p,) where nothing may be interpolated: gaps, and intervals that hold more than one event.
-        jump_time_s: (j,) the instants at which the torque jumps, increasing.
+        blocked: (p,) true in gaps and in intervals with more than one event: no interpolation there.
+        jump_time_s: (j,) instants of the discontinuities of the torque, increasing.
     """
 
     edge_s: FloatArray
@@ -67,7 +67,7 @@ class Track:
     jump_time_s: FloatArray
 
     def piece(self, time_s: FloatArray) -> tuple[IntArray, BoolArray]:
-        """Index of the piece that holds each time (m,), and whether there is one."""
+        """Return the index of the piece at each time (m,), and true where the time lies within the track."""
         index = np.searchsorted(self.edge_s, time_s, side="right").astype(np.int64, copy=False)
         index -= 1
         inside = (index >= 0) & (time_s <= self.edge_s[-1])
@@ -84,7 +84,7 @@ class Track:
         step = self.edge_s[piece + 1] - self.edge_s[piece]
         u = (time_s - self.edge_s[piece]) / step
         v = 1.0 - u
-        # The chord, then by how much the two end slopes depart from it.
+        # The chord, then the differences of the two end slopes from it.
         chord = (self.end_Nm[piece] - self.start_Nm[piece]) / step
         first = self.start_slope[piece] - chord
         last = self.end_slope[piece] - chord
@@ -102,7 +102,7 @@ class Track:
         return theta
 
     def near_jump(self, time_s: FloatArray, guard_s: float) -> BoolArray:
-        """Whether each time (m,) lies within `guard_s` of a jump of the torque."""
+        """Return true for each time (m,) within `guard_s` of a discontinuity of the torque."""
         near = np.zeros(time_s.size, dtype=np.bool_)
         for part in parts(time_s.size if self.jump_time_s.size else 0):
             after = np.searchsorted(self.jump_time_s, time_s[part])
@@ -115,11 +115,11 @@ class Track:
 def build_track(
     time_s: FloatArray, torque_Nm: FloatArray, theta_rad: FloatArray, event_angles_rad: Sequence[float]
 ) -> tuple[Track, tuple[bool, ...]]:
-    """Build the track of (n,) predictions, n >= 2, and tell which of the events are jumps of the torque.
+    """Build the track of (n,) predictions, n >= 2; also return for each event whether the torque is discontinuous.
 
-    An event is passed where the shaft angle crosses its angle, in either direction. It is a jump when the
-    median step of the torque over it exceeds `JUMP_RATIO` times the median step over the neighbouring
-    intervals: the needle's entry into the backing is one, its turning point is not.
+    The shaft passes an event where its angle crosses the event's, in either direction. The torque is discontinuous
+    there if its median step exceeds `JUMP_RATIO` times the median step of the neighbouring intervals, as at
+    the needle's entry into the backing, but not at its turning point.
     """
     step = np.diff(time_s)
     gap = step > GAP_PERIODS * usual_step(step)
@@ -146,7 +146,7 @@ def build_track(
 
 
 def _steps_over(torque_Nm: FloatArray, crossing: IntArray) -> bool:
-    """Whether the torque typically steps in the intervals `crossing`, more than beside them."""
+    """Return true if the torque steps in the intervals `crossing` much more than in those beside them."""
     inner = crossing[(crossing >= 1) & (crossing + 2 < torque_Nm.size)]
     if inner.size == 0:
         return False
@@ -165,7 +165,7 @@ def _cut(
     events: tuple[IntArray, FloatArray, BoolArray],
     jump_time_s: FloatArray,
 ) -> Track:
-    """Cut intervals at the events: their intervals, instants and whether they jump, at most one in each."""
+    """Cut intervals at the events (interval, instant, discontinuous or not), at most one event in each."""
     crossing, instant, is_jump = events
     closed = blocked.copy()
     closed[crossing] = True
@@ -177,7 +177,7 @@ def _cut(
     right = torque_Nm[crossing + 1] + back * (slope[crossing + 1] + back * curve_after[crossing + 1])
     left_slope = slope[crossing] + 2.0 * ahead * curve_before[crossing]
     right_slope = slope[crossing + 1] + 2.0 * back * curve_after[crossing + 1]
-    middle = 0.5 * (left + right)  # at a kink both sides speak of the same torque
+    middle = 0.5 * (left + right)  # at a kink both sides have the same torque
     left, right = np.where(is_jump, left, middle), np.where(is_jump, right, middle)
 
     sample = np.arange(time_s.size - 1)
@@ -210,8 +210,7 @@ def _cut(
 def _slopes(step: FloatArray, torque_Nm: FloatArray, closed: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Derivative at each sample, and half the second derivative of the parabola before and after it.
 
-    Three-point parabolas, taken from one side beside a closed interval; a line where only two samples stand
-    together.
+    Parabolas through three samples, one-sided beside a closed interval; a line through two samples alone.
     """
     n = torque_Nm.size
     secant = np.diff(torque_Nm) / step
@@ -238,7 +237,7 @@ def _slopes(step: FloatArray, torque_Nm: FloatArray, closed: BoolArray) -> tuple
 
 
 def largest_distance_ns(measured_ns: IntArray, predicted_ns: IntArray) -> int:
-    """The largest distance in time from a measured sample (m,) to the nearest prediction (n,) [ns]."""
+    """Largest distance in time from a measured sample (m,) to the nearest prediction (n,) [ns]."""
     after = np.clip(np.searchsorted(predicted_ns, measured_ns), 1, predicted_ns.size - 1)
     to_before = np.abs(predicted_ns[after - 1] - measured_ns)
     return int(np.max(np.minimum(to_before, np.abs(predicted_ns[after] - measured_ns))))

@@ -1,4 +1,4 @@
-"""Assess a recording: readings and a machine in, the explanation and the verdict out."""
+"""Assess a recording: explain the measured torque by machine and sensors, and give the verdict."""
 
 from __future__ import annotations
 
@@ -32,20 +32,21 @@ from textile_twin_core.machine import Machine
 LONGEST_DELAY_S = 1.0
 _MOST_GOVERNED = 60_000
 OTHER_UNITS = (("degrees", 360.0), ("revolutions", 1.0))
-"""Units that are tried for an angle that never begins anew, when radians explain little."""
+"""Units tried for an angle that never wraps, when radians explain little."""
 SOME_LEAPS = 3
-"""Of the angle, from which they are told: a single one may be an encoder that slipped, which `FaultWatch` names."""
+"""Fewest slips of the angle that are reported: a single one is a fault that `FaultWatch` names."""
 _FEWEST_ANGLES = 64
-"""While there is torque, that show the unit by themselves."""
+"""Fewest angles beside torque that show the unit by themselves."""
 _CONSTANT = 1e-9
-"""A torque that varies less, as a part of its size, is rounding."""
+"""Variation of the torque, as a share of its size, below which it is rounding."""
 _LEAST_PART, _EQUAL = 0.25, 0.9
-"""Of all turns, those of a part without a leap that stands for all; of the most turns, those of a part as good."""
+"""Share of all turns that a part without a slip must have to represent the record; share of the longest part's turns
+from which an earlier part is as good."""
 _MOST_TOLD = 3
 _FEWEST_SETTLED = 6.0
-"""Turns of a part from which the turn beside a leap is left out."""
+"""Fewest turns of a part whose turn beside a slip is left out."""
 _SHOWN = 2.0
-"""Standard errors of a covariance of residuals below which it is none."""
+"""Standard errors below which a covariance of residuals counts as zero."""
 _PLAUSIBLE_RAD_S = (0.2, 700.0)
 _WHEEL = (
     "read off a toothed wheel the acceleration is not known well enough for this torque: no verdict on it; hold the"
@@ -60,13 +61,13 @@ _PITCH = (
 
 @dataclass(frozen=True)
 class Assessment:
-    """A recording judged.
+    """Assessment of a recording.
 
     Attributes:
-        unit: of the logged angle. found: what the recording says of machine and sensors; None when nothing can be told,
-            and then `notes` says why.
-        verdict: what is wrong, likeliest first; empty when nothing is. quantities: what matters, each once.
-        notes: what a reader should know.
+        unit: unit of the logged angle. found: estimates of machine and sensors; None when the recording determines
+            nothing, with the reason in `notes`.
+        verdict: causes of the differences, likeliest first; empty when all is right.
+        quantities: estimated quantities, each once. notes: remarks for the reader.
     """
 
     unit: AngleUnit
@@ -77,7 +78,7 @@ class Assessment:
 
     @property
     def explained(self) -> float:
-        """Share of the torque's variance that is explained, nan when nothing can be told."""
+        """Share of the torque's variance that is explained, nan without an estimate."""
         return math.nan if self.found is None else self.found.explained
 
 
@@ -86,10 +87,10 @@ class Judged:
     """A record and its posterior.
 
     Attributes:
-        evidence: the record. posterior: by means over a tenth of a turn.
-        ratio: of the encoder beside the configured one. encoder_turn_rad: shaft angle of a turn of the encoder.
+        evidence: the record. posterior: of the record, by samples or block averages.
+        ratio: of the encoder over the configured one. encoder_turn_rad: shaft angle of a turn of the encoder.
         explained: share of the torque's variance that the values of the posterior explain, sample by sample.
-        governed_Nms: by how much the torque falls as the speed rises; not 0, delay and inertia look alike.
+        governed_Nms: fall of the torque with the speed; where it is not 0, delay and inertia look alike.
     """
 
     evidence: Evidence
@@ -101,11 +102,11 @@ class Judged:
 
     @cached_property
     def unexplained(self) -> float:
-        """Share of the torque's variance that stays unexplained and is no noise of single samples.
+        """Share of the torque's variance that stays unexplained, without the noise of single samples.
 
-        Noise of one sample is not that of the next: what counts is the covariance of the residuals of neighbours, and
-        of means over a turn, which overlap, of every other one. A machine that explains too little to pay for its
-        departures is not excused by noise.
+        Noise is independent between samples, so the covariance of neighbouring residuals counts; means over a turn
+        overlap, so there it is that of every other one. If the machine explains less than its departures from
+        nominal cost, noise is no excuse and the whole unexplained share counts.
         """
         p = self.posterior
         m = p.measurement
@@ -132,12 +133,12 @@ class Judged:
 
     @property
     def whole_turns(self) -> bool:
-        """Whether means over whole turns were fitted, since the machine's torque does not depend on the angle."""
+        """True if means over whole turns were fitted: the machine's torque does not depend on the angle."""
         return not self.posterior.measurement.model.depends_on_angle()
 
     @cached_property
     def settled(self) -> Settled:
-        """All sensors and friction given the machine file, and within its tolerances."""
+        """Estimates of sensors and friction, given the machine file and its tolerances."""
         return settle(self.posterior, settled_sensors(self.posterior, self.evidence.turns_both_ways()))
 
     @cached_property
@@ -162,10 +163,10 @@ class Judged:
 
 
 def assess(readings: Readings, machine: Machine, track: ShaftTrack | None = None) -> Assessment:
-    """Try the hypotheses of settings on a recording.
+    """Assess a recording by the hypotheses of its sensors and machine.
 
-    `track` is the shaft's motion where it was estimated before, of angles in radians, from the first angle's stamp on.
-    Raises RecordingError when there are too few samples for a motion of the shaft.
+    `track` is the shaft's motion if it was estimated before, from angles in radians and the first angle's stamp on.
+    Raises RecordingError when there are too few samples to estimate the motion of the shaft.
     """
     judged = _assess(readings, machine, track)
     judged = replace(judged, verdict=burst_verdict(readings.stamped, judged.verdict))
@@ -199,7 +200,7 @@ def _assess(readings: Readings, machine: Machine, track: ShaftTrack | None) -> A
     evidence = found.evidence
     speed = found.posterior.hypothesis.turn * evidence.working_speed()
     per_turn = samples_per_turn(readings.angle_stamps_ns, speed)
-    # What any machine could explain is asked only when this one leaves something.
+    # The bound over all machines is needed only where this machine leaves something unexplained.
     short = found.unexplained > NOT_THIS_MACHINE
     periodic = best_periodic(evidence.thinned(), found.settings) if short else found.explained
     if short and machine.sensors.encoder.teeth:
@@ -217,7 +218,7 @@ def _assess(readings: Readings, machine: Machine, track: ShaftTrack | None) -> A
 def _judged(
     readings: Readings, machine: Machine, terms: TorqueTerms, unit: AngleUnit, evidence: Evidence
 ) -> Judged | None:
-    """The record's posterior; under another gear ratio with the shaft's motion estimated again."""
+    """Infer the record's posterior; for another gear ratio estimate the shaft's motion again."""
     configured, ratio = hypothesis_of(machine), 1.0
     posterior, governed = _inferred(evidence, machine, configured, RATIOS)
     if posterior is None:
@@ -235,10 +236,10 @@ def _judged(
 def _inferred(
     evidence: Evidence, machine: Machine, configured: Hypothesis, ratios: tuple[float, ...]
 ) -> tuple[Posterior | None, float]:
-    """The posterior, and by how much the torque falls as the speed rises.
+    """Return the posterior and the fall of the torque with the speed [N m s].
 
-    Where it follows the speed, errors of single accelerations are correlated with the torque; means over a tenth of a
-    turn have none of them.
+    Under a speed-controlled drive the errors of single accelerations are correlated with the torque; those of means
+    over a tenth of a turn are not.
     """
     turning = evidence.in_blocks().thinned(_MOST_GOVERNED)
     governed = torque_by_speed(turning, configured.delay_s)
@@ -254,13 +255,13 @@ def _inferred(
 
 
 def record_of(evidence: Evidence, speed_controlled: bool = False, whole_turns: bool = False) -> Record:
-    """The record as the inference reads it: by samples, or by means.
+    """Return the record for the inference, by samples or by block averages.
 
     Args:
         evidence: the record.
-        speed_controlled: by means over a tenth of a turn.
-        whole_turns: by means over a turn, where the machine's torque does not depend on the angle. A torque that
-            repeats with the angle then comes from elsewhere, and its ripple in speed must not pass for an inertia.
+        speed_controlled: averages over a tenth of a turn.
+        whole_turns: averages over a turn, for a machine whose torque does not depend on the angle. A torque that
+            repeats with the angle is then foreign to it, and its ripple in speed must not pass for an inertia.
     """
     blocks = evidence.in_blocks(whole_turns=whole_turns) if speed_controlled or whole_turns else evidence
     turning = blocks.thinned(MOST_SAMPLES)
@@ -279,9 +280,9 @@ def record_of(evidence: Evidence, speed_controlled: bool = False, whole_turns: b
 
 
 def _unit(readings: Readings) -> AngleUnit:
-    """The unit in which the angle is logged while there is torque, or all the time where that does not show it.
+    """Return the unit of the angle while there is torque, or of all angles if that does not show it.
 
-    A driver may have been set right before the torque sensor was switched on.
+    The driver may have been corrected before the torque sensor was switched on.
     """
     stamps, measured = readings.angle_stamps_ns, readings.torque_stamps_ns[np.isfinite(readings.torque)]
     inside = (stamps >= measured[0]) & (stamps <= measured[-1])
@@ -293,7 +294,7 @@ def _unit(readings: Readings) -> AngleUnit:
 
 
 def configured_settings(machine: Machine) -> Settings:
-    """What a machine says of its sensors, for a track of its own ratio."""
+    """Sensor settings of the machine file, for a track of its own ratio."""
     encoder, sensor = machine.sensors.encoder, machine.sensors.torque
     return Settings(
         direction=encoder.direction,
@@ -305,14 +306,14 @@ def configured_settings(machine: Machine) -> Settings:
 
 
 def hypothesis_of(machine: Machine) -> Hypothesis:
-    """What a machine says of its sensors, for a track of its own ratio."""
+    """Hypothesis of the configured sensors, for a track of the machine's own ratio."""
     encoder, sensor = machine.sensors.encoder, machine.sensors.torque
     zero = encoder.zero_rad * encoder.direction * encoder.ratio
     return Hypothesis(float(encoder.direction), sensor.gain, zero, sensor.delay_s, sensor.offset_Nm)
 
 
 def gather(readings: Readings, machine: Machine, terms: TorqueTerms, unit: AngleUnit, ratio: float = 1.0) -> Evidence:
-    """The evidence of a recording, its angle taken in a unit; `ratio` is beside the machine's own."""
+    """Gather the evidence of a recording, with its angle in a unit; `ratio` multiplies the machine's own."""
     origin = int(readings.angle_stamps_ns[0])
     angle = readings.angle * unit.to_radians
     speed = None if readings.velocities is None else readings.velocities * unit.to_radians
@@ -325,19 +326,19 @@ def gather(readings: Readings, machine: Machine, terms: TorqueTerms, unit: Angle
 def evidence_of(
     readings: Readings, track: ShaftTrack, terms: TorqueTerms, origin_ns: int, encoder_turn_rad: float
 ) -> Evidence:
-    """Measured torque beside a track of the shaft, of which only that time counts in which there is torque.
+    """Combine measured torque with the part of the shaft's track in which there is torque.
 
-    `encoder_turn_rad`: what a turn of the encoder is of the shaft.
+    `encoder_turn_rad`: shaft angle of one turn of the encoder.
     """
     stamps = readings.torque_stamps_ns
     good = np.isfinite(readings.torque)
     good[1:] &= stamps[1:] > np.maximum.accumulate(stamps)[:-1]
     time: np.ndarray = (stamps[good] - origin_ns) * 1e-9
     fast = track.fast_rad_s
-    beside = min(LONGEST_DELAY_S, 0.5 * TURN / fast) if fast > 0.0 else LONGEST_DELAY_S  # for what delays are tried
+    beside = min(LONGEST_DELAY_S, 0.5 * TURN / fast) if fast > 0.0 else LONGEST_DELAY_S  # largest delay tried
     track = without_turns(track.between(time[0] - beside, time[-1] + beside), encoder_turn_rad)
     track, leaps = _unbroken(track)
-    # A drift is told from a delay by the time in which the shaft turns, of which the rests may leave but an end.
+    # Drift and delay differ over the time in which the shaft turns; standstills may leave little of it.
     turning = track.time_s[np.abs(track.omega_rad_s) >= REST_SHARE * fast]
     middle = 0.5 * float(turning[0] + turning[-1]) if turning.size else 0.5 * float(time[0] + time[-1])
     torque, inside = readings.torque[good], np.ones(time.size, np.bool_)
@@ -348,9 +349,9 @@ def evidence_of(
 
 
 def _unbroken(track: ShaftTrack) -> tuple[ShaftTrack, tuple[tuple[float, float], ...]]:
-    """The part of a track with most turns between two leaps of the angle, the first of equal ones, and the leaps.
+    """Return the first part of a track with about the most turns between two slips of the angle, and all slips.
 
-    All of the track where it leaps too often for a part to stand for it; then none is told.
+    A track that slips too often for a part to represent it is returned whole, without slips.
     """
     by = leaps_of(track)
     parts = [_settled(track.between(*ends), track) for ends in parts_between(track)] if by.any() else []
@@ -363,7 +364,7 @@ def _unbroken(track: ShaftTrack) -> tuple[ShaftTrack, tuple[tuple[float, float],
 
 
 def _settled(part: ShaftTrack, track: ShaftTrack) -> ShaftTrack:
-    """A part of a track without the turn beside a leap, in which the estimated motion is not settled."""
+    """Cut off the turn beside each slip, where the estimated motion has not converged."""
     if part.turns < _FEWEST_SETTLED:
         return part
     theta, keep = part.theta_rad, np.ones(part.theta_rad.size, np.bool_)
@@ -375,7 +376,7 @@ def _settled(part: ShaftTrack, track: ShaftTrack) -> ShaftTrack:
 
 
 def nothing_to_tell(evidence: Evidence) -> str:
-    """Why a recording tells nothing of the settings, empty when it does."""
+    """Reason why a recording determines no sensor setting, empty when it does."""
     track = evidence.track
     if track.turns < FEWEST_TURNS:
         still = "the shaft stands still" if track.turns < 0.02 else f"the shaft makes {track.turns:.2f} of a turn"
@@ -397,14 +398,14 @@ def nothing_to_tell(evidence: Evidence) -> str:
 
 
 def _encoder_turn(machine: Machine) -> float:
-    """The shaft angle after which a wrapped encoder shows the same again."""
+    """Shaft angle after which a wrapped encoder repeats its reading."""
     return TURN * machine.sensors.encoder.ratio
 
 
 def _other_unit(
     readings: Readings, machine: Machine, terms: TorqueTerms, first: tuple[AngleUnit, Judged | None]
 ) -> tuple[AngleUnit, Judged | None]:
-    """The unit, of those that give a plausible speed, under which the record is explained best."""
+    """Return the unit that explains the record best, among those that give a plausible speed."""
     best = first
     for name, turn in OTHER_UNITS:
         unit = AngleUnit(name, turn, wrapped=False)

@@ -1,4 +1,4 @@
-"""A bootstrap over whole turns of the shaft: by how much estimates move."""
+"""Bootstrap of estimates over whole turns of the shaft."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ _SEED = 20160614
 
 
 def bootstrap_moves(slopes: FloatArray, residual: FloatArray, turn: IntArray) -> FloatArray:
-    """By how much each estimate moves when the turns of the record are drawn again with replacement: (draws, k).
+    """Moves (draws, k) of the estimates when the turns of the record are resampled with replacement.
 
     One Gauss-Newton step from the estimate for each draw, with pseudo-residuals of Huber's loss (the one-step bootstrap
-    of Shao and Tu 1995, section 3.5, with blocks as the turns; Kuensch 1989 for blocks). Residuals of a turn stay
-    together, whatever the model leaves in them.
+    of Shao and Tu 1995, section 3.5, with turns as blocks; Kuensch 1989 for blocks). Residuals of a turn stay
+    together, since they may be correlated.
 
     Args:
         slopes: (n, k) of the expected torque. residual: (n,) measured less expected.
@@ -35,5 +35,5 @@ def bootstrap_moves(slopes: FloatArray, residual: FloatArray, turn: IntArray) ->
     total = np.einsum("dt,tij->dij", drawn, normals)
     total += 1e-12 * np.trace(total, axis1=1, axis2=2)[:, None, None] * np.eye(slopes.shape[1])
     moves = np.linalg.solve(total, (drawn @ scores)[..., None])[..., 0] / sizes
-    # A bootstrap of few blocks is too narrow by the share of the mean that each block takes.
+    # With few blocks a bootstrap is too narrow, by the share of each block in the mean.
     return np.asarray(moves * math.sqrt(turns.size / max(turns.size - 1.0, 1.0)))

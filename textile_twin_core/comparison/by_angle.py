@@ -38,7 +38,7 @@ class RevolutionErrors:
         start_ns: stamp of its first sample.
         count: residuals in it.
         rms_Nm, mean_Nm: of the residual. worst_Nm: the residual of largest size, with its sign.
-        worst_rad: the shaft angle, 0 to 2 pi, where the worst one stands. worst_ns: its stamp.
+        worst_rad: its shaft angle, 0 to 2 pi. worst_ns: its stamp.
     """
 
     number: IntArray
@@ -52,10 +52,10 @@ class RevolutionErrors:
 
 
 class RunningAngleBins:
-    """Residuals by shaft angle while they come in: blocks of any size give the bins of all of them together.
+    """Running statistics of residuals by shaft angle; independent of the size of the blocks that come in.
 
-    Means and squared departures of blocks are merged pairwise (Chan, Golub and LeVeque 1979), which loses
-    nothing to cancellation however long it runs.
+    Means and squared departures of blocks are merged pairwise (Chan, Golub and LeVeque 1979), without
+    cancellation in long runs.
     """
 
     def __init__(self, bins: int) -> None:
@@ -82,7 +82,7 @@ class RunningAngleBins:
         np.maximum.at(self._high, place, residual_Nm)
 
     def bins(self) -> AngleBins:
-        """The bins of everything taken so far."""
+        """Return the bins of all residuals so far."""
         full = self._count > 0
         spread = np.sqrt(self._departure / np.maximum(self._count, 1))
         return AngleBins(

@@ -1,4 +1,4 @@
-"""Residuals by order of the shaft and by its speed: which harmonic of the turn, and which part of a run, is off."""
+"""Residuals by order of the shaft and by its speed."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ class SpeedBins:
 
 
 def by_order(theta_rad: FloatArray, residual_Nm: FloatArray) -> OrderSpectrum:
-    """The series that fits residuals (n,) at angles (n,) best; uneven samples and missing parts of a turn count right.
+    """Fit a Fourier series to residuals (n,) at angles (n,), which may be uneven or miss parts of a turn.
 
-    Least squares over orders 0 .. 24, fewer where the samples are few.
+    Least squares over orders 0 .. 24, fewer with few samples.
     """
     most = min(ORDERS, max(0, (theta_rad.size - 1) // 4))
     orders = np.arange(most + 1)
@@ -65,7 +65,7 @@ def by_order(theta_rad: FloatArray, residual_Nm: FloatArray) -> OrderSpectrum:
 
 
 def by_speed(omega_rad_s: FloatArray, residual_Nm: FloatArray) -> SpeedBins:
-    """Residuals (n,) in equal bins of the speed (n,), n >= 1."""
+    """Sort residuals (n,) into equal bins of the speed (n,), n >= 1."""
     low, high = float(omega_rad_s.min()), float(omega_rad_s.max())
     edges = np.linspace(low, high, SPEED_BINS + 1) if high > low else np.array([low, high])
     bins = edges.size - 1

@@ -1,4 +1,4 @@
-"""Sums over the samples of each turn of the shaft: what least squares are made of whose turns belong together."""
+"""Sums over the samples of each turn of the shaft, for least squares whose residuals correlate within a turn."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from textile_twin_core.arrays import FloatArray, IntArray
 
 
 def normals_by_turn(columns: FloatArray, place: IntArray) -> FloatArray:
-    """Normal matrices (t, k, k) of columns (n, k); place: (n,) number of the turn of each sample, from 0 on."""
+    """Normal matrices (t, k, k) of columns (n, k); place: (n,) number of each sample's turn, from 0."""
     turns, count = int(place.max(initial=-1)) + 1, columns.shape[1]
     normals = np.empty((turns, count, count))
     for row in range(count):
@@ -19,7 +19,7 @@ def normals_by_turn(columns: FloatArray, place: IntArray) -> FloatArray:
 
 
 def scores_by_turn(columns: FloatArray, residual: FloatArray, place: IntArray) -> FloatArray:
-    """Right sides (t, k) of the same, for residuals (n,)."""
+    """Right sides (t, k) of the same turns, for residuals (n,)."""
     scores = np.empty((int(place.max(initial=-1)) + 1, columns.shape[1]))
     for k, column in enumerate(columns.T):
         scores[:, k] = np.bincount(place, weights=column * residual)

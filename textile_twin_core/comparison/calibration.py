@@ -1,4 +1,4 @@
-"""Calibrate: sensors settled from one recording, with their uncertainty and what it cannot tell."""
+"""Calibration of the sensors from one recording, with uncertainties and ambiguities."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ from textile_twin_core.machine import Machine
 from textile_twin_core.machine.sensors import Sensors, TorqueSensor
 
 _MOST_LEFT = 0.5
-"""Share of the RMS error that an encoder or a sensor turned round may leave at most: else it explains nothing."""
+"""Largest share of the RMS error that a reversed encoder or sensor may leave; above it the reversal is refused."""
 _JUDGED = 0.8
-"""Share of all work at which the verdict is there."""
+"""Share of all work at which the verdict is ready."""
 _FREE_REST = "it takes a few seconds with the shaft at rest, the machine unclamped"
 
 
 @dataclass(frozen=True)
 class Ambiguity:
-    """What a recording cannot tell apart: the settings, in words, and what would tell."""
+    """Settings that a recording cannot separate, in words, and a recording that would."""
 
     between: tuple[str, ...]
     text: str
@@ -43,18 +43,18 @@ class Ambiguity:
 
 @dataclass(frozen=True)
 class Calibration:
-    """Sensors as a recording shows them; shaft = (measured - zero) * direction * ratio, as in a machine file.
+    """Estimated sensors; shaft = (measured - zero) * direction * ratio, as in a machine file.
 
     The torque sensor's gain in a machine file is sign * unit_factor * gain.
 
     Attributes:
         angle_unit: of the logged angle. direction, ratio, zero_rad: the encoder's.
         sign, unit_factor, unit: of the torque. gain, offset_Nm, delay_s: of the torque sensor.
-        given_file: the same where all other numbers of the file are exactly right, by name.
-        ambiguous: what this recording cannot tell.
-        rms_before_Nm, rms_after_Nm: of the residual while the shaft turns, sensors as they were and as settled.
-        rms_beside_Nm: what is left when friction, loads and drift that the file does not get are taken off too.
-        assessment: the verdict on the settings as they were. machine: the machine with the sensors settled.
+        given_file: estimates by name, given that all other numbers of the file are exactly right.
+        ambiguous: settings that this recording cannot separate.
+        rms_before_Nm, rms_after_Nm: RMS residual while the shaft turns, with configured and estimated sensors.
+        rms_beside_Nm: RMS residual without the friction, loads and drift that are not written to the file.
+        assessment: the verdict on the configured sensors. machine: the machine with the estimated sensors.
     """
 
     angle_unit: str
@@ -105,12 +105,13 @@ class Calibration:
 
 
 def calibrate(readings: Readings, machine: Machine, begin: Begin = unheard) -> Calibration:
-    """Settle direction, ratio and zero of the encoder, and sign, unit, gain, offset and delay of the torque sensor.
+    """Estimate direction, ratio and zero of the encoder, and sign, unit, gain, offset and delay of the torque sensor.
 
-    Values, standard deviations and intervals hold where the file is off within its tolerances (see `Settled`).
-    `begin` hears of each stage.
+    Values, standard deviations and intervals allow for the tolerances of the file (see `Settled`).
+    `begin` is called at each stage.
 
-    Raises RecordingError when the recording tells nothing, is of another machine, or what it asks for explains no more.
+    Raises RecordingError when the recording determines nothing, is of another machine, or a reversal it asks for
+    does not explain more.
     """
     begin("judging", _JUDGED)
     assessment = assess(readings, machine)
@@ -169,7 +170,7 @@ def calibrate(readings: Readings, machine: Machine, begin: Begin = unheard) -> C
 
 
 def _estimate(found: Judged, name: str, configured: float, unit: float = 1.0) -> Estimate:
-    """A settled sensor value, of which the configured one is part; without an interval where it stays as configured."""
+    """Estimated sensor value, the configured one included; without an interval where it stays as configured."""
     settled = found.settled
     if name not in settled.free:
         return Estimate(configured)
@@ -178,7 +179,7 @@ def _estimate(found: Judged, name: str, configured: float, unit: float = 1.0) ->
 
 
 def _given_file(found: Judged, name: str, configured: float, unit: float = 1.0) -> Estimate:
-    """A sensor value where all other numbers are exactly as in the file."""
+    """Estimated sensor value, given that all other numbers of the file are exactly right."""
     if name not in found.settled.free:
         return Estimate(configured)
     value, sigma = found.settled.given_file(name)
@@ -186,7 +187,7 @@ def _given_file(found: Judged, name: str, configured: float, unit: float = 1.0) 
 
 
 def _gain(found: Judged, given_file: bool = False) -> Estimate:
-    """The gain with sign and unit (see `gain_factor` of its parameter)."""
+    """Estimated gain with sign and unit (see `gain_factor` of its parameter)."""
     settled, gain = found.settled, found.posterior.hypothesis.gain
     value, sigma = settled.given_file(GAIN) if given_file else (settled.value(GAIN), settled.sigma(GAIN))
     factor = gain_factor(value)
@@ -195,9 +196,9 @@ def _gain(found: Judged, given_file: bool = False) -> Estimate:
 
 
 def _rms(found: Judged, hypothesis: Hypothesis | None, sensors_alone: bool = False) -> float:
-    """RMS of the residual [N m] while the shaft turns: as configured by a hypothesis, or as settled.
+    """RMS of the residual [N m] while the shaft turns, for a hypothesis or for the estimates.
 
-    sensors_alone: of what is settled only what a machine file gets of it, the sensors.
+    sensors_alone: apply the estimates of the sensors only, as the machine file gets them.
     """
     m = found.posterior.measurement
     x = m.nominal.copy()
@@ -282,5 +283,5 @@ def _ambiguous(assessment: Assessment, found: Judged, ratio: float) -> list[Ambi
 
 
 def _whole_turns(value: float, near: float, turn: float) -> float:
-    """Whole turns that bring a value nearest to another."""
+    """Whole turns that bring a value closest to another."""
     return turn * float(np.rint((near - value) / turn))

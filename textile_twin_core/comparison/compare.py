@@ -1,4 +1,4 @@
-"""Compare measured with predicted torque: arrays in, one immutable result out."""
+"""Comparison of measured with predicted torque: arrays in, one immutable result out."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from textile_twin_core.machine import Event, TorqueSensor
 
 _LEAST_SAMPLES = 16
 _SAME_DELAY = 3.0
-"""Standard deviations within which a delay that was found is the configured one."""
-_LEAST_TURNS = 1.0  # of the shaft, without which a delay is not sought
+"""Standard deviations within which an estimated delay equals the configured one."""
+_LEAST_TURNS = 1.0  # of the shaft, below which no delay is estimated
 _SEARCH_S = 0.1
 _ANGLE_BINS = 120
 _TURNING_SHARE = 0.1  # of the fast end of the recorded speeds
@@ -39,14 +39,12 @@ def compare_torque(
     predicted_sigma_Nm: FloatArray | None = None,
     rejected: Mapping[str, int] | None = None,
 ) -> Comparison:
-    """Hold measured torque against predicted torque.
+    """Compare measured torque with predicted torque.
 
-    The prediction is taken at `stamp - delay` by cubic interpolation, piece by piece between the events of
-    the turn, each reached from its own side. Measured samples within half a millisecond of a jump of the load (an
-    event over which the prediction steps, such as the needle's entry into the backing) or in a gap of the
-    predictions do not enter the numbers and are counted. So a residual is never an artefact of interpolation,
-    and a sample whose stamp cannot tell which side of a jump it belongs to does not pass for an error of the
-    machine.
+    The prediction at `stamp - delay` is interpolated by cubics that end at the events of the turn (see `Track`).
+    Two kinds of measured samples are left out and counted: those in a gap of the predictions, and those within
+    half a millisecond of a discontinuity of the load, such as the needle's entry into the backing, since their
+    stamps do not show on which side of it they lie. So no residual is an artefact of interpolation.
 
     Args:
         measured_stamps_ns: (m,) stamps of the measured torque, int64 ns.
@@ -56,9 +54,9 @@ def compare_torque(
         theta_rad: (n,) unwrapped shaft angle at the predicted stamps [rad].
         torque_sensor: the sensor as configured; without one gain 1, offset 0, delay 0.
         events: events of the turn, in angle of theta_rad.
-        settled: (n,) whether the shaft estimator had settled; without it all count as settled.
-        predicted_sigma_Nm: (n,) standard deviation of the predictions, kept for the views.
-        rejected: samples that were refused before a prediction was made, by cause; they join the count.
+        settled: (n,) true where the shaft estimator had converged; by default everywhere.
+        predicted_sigma_Nm: (n,) standard deviation of the predictions, for the views.
+        rejected: samples that were rejected before prediction, by cause; they join the count.
 
     Raises:
         AlignmentError: shapes differ, stamps are no integers, too few samples, or no overlap in time.
@@ -83,13 +81,13 @@ def compare_torque(
     track, jumps = build_track(
         predicted_time, predictions.torque_Nm, predictions.theta_rad, [e.angle_rad for e in events]
     )
-    del predicted_time  # here and below: an hour's arrays are large, and what comes after them needs the room
+    del predicted_time  # here and below: free the large arrays of a long record before the next are made
     piece, inside = track.piece(time - configured)
     if not inside.any():
         raise AlignmentError(
             f"measured and predicted torque do not overlap in time: {ranges}; both must be stamped by the same clock"
         )
-    # A sample counts as settled when the predictions on both of its sides are.
+    # The estimator counts as converged at a sample if it is at the predictions on both sides.
     ready = (predictions.settled[:-1] & predictions.settled[1:])[track.after_sample]
     calm = inside & ready[piece]
     fit = SensorFit(configured, float("nan"), gain, offset, identifiable=False, at_limit=False, sought=False)
@@ -164,7 +162,7 @@ def compare_torque(
 
 
 def _select(track: Track, time_s: FloatArray, ready: BoolArray) -> tuple[BoolArray, dict[str, int]]:
-    """Which of the times enter, and how many do not, each under the first cause that holds."""
+    """Select the times that enter; count the others, each under the first cause that applies."""
     piece, inside = track.piece(time_s)
     left = np.ones(time_s.size, dtype=np.bool_)
     causes: dict[str, int] = {}
@@ -180,7 +178,7 @@ def _select(track: Track, time_s: FloatArray, ready: BoolArray) -> tuple[BoolArr
 
 
 def _expected(track: Track, time_s: FloatArray, gain: float, offset_Nm: float) -> tuple[FloatArray, FloatArray]:
-    """What the sensor should show, and the shaft angle (nan outside the predictions), at times (m,)."""
+    """Predicted reading of the sensor, and the shaft angle (nan outside the predictions), at times (m,)."""
     piece, inside = track.piece(time_s)
     torque, _ = track.torque_at(time_s, piece)
     theta = np.where(inside, track.theta_at(time_s, piece), np.nan)
@@ -188,9 +186,9 @@ def _expected(track: Track, time_s: FloatArray, gain: float, offset_Nm: float) -
 
 
 def _search_s(track: Track) -> float:
-    """How far on either side of the configured delay another is sought.
+    """Largest distance from the configured delay at which another is searched [s].
 
-    At most half a turn at the fast end of the recorded speeds: a delay beyond it cannot be told from one within.
+    At most half a turn at the fast end of the recorded speeds, since delays a turn apart look alike.
     """
     speed = fast_speed(np.diff(track.theta_rad) / np.diff(track.edge_s))
     return min(_SEARCH_S, np.pi / speed) if speed > 0.0 else _SEARCH_S
@@ -202,9 +200,9 @@ def _never_worse(
     measured: tuple[FloatArray, FloatArray],
     sensor: tuple[float, float, float],
 ) -> SensorFit:
-    """The fit, or the configured delay where the fitted one does not lessen the error as configured.
+    """Return the fit, or the configured delay if the fitted one does not reduce the error.
 
-    Where the two are the same within what the record tells, the delay is known all the same: it is settled.
+    The configured delay counts as identified if it lies within a few sigmas of the fitted one.
     """
     time_s, torque_Nm = measured
     configured_s, gain, offset = sensor
@@ -228,7 +226,7 @@ def _speed(track: Track, time_s: FloatArray) -> FloatArray:
 
 
 def _turning(track: Track, time_s: FloatArray) -> BoolArray:
-    """Which of the times (m,) find the shaft turning: friction and angle of a shaft at rest say nothing."""
+    """Return true for the times (m,) at which the shaft turns; at standstill friction hides the torque."""
     speed = np.abs(_speed(track, track.edge_s[:-1]))
     share = _TURNING_SHARE * fast_speed(speed)
     return np.asarray(np.abs(_speed(track, time_s)) >= share)

@@ -1,4 +1,4 @@
-"""Delay, gain and offset of the torque sensor, from how measured torque follows the predicted one."""
+"""Delay, gain and offset of the torque sensor, fitted to measured and predicted torque."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from textile_twin_core.comparison.alignment import TWO_PI, Track, parts
 from textile_twin_core.inference.robust import huber_weights
 
 GUARD_S = 0.0005
-"""Samples this near to a jump of the load are left out: their stamps cannot tell its side."""
+"""Samples this close [s] to a discontinuity of the load are left out: their stamps do not show its side."""
 _COARSE_SAMPLES = 5000
 _COARSE_STEPS = 100  # on either side of the configured delay
-_MORE_LIKELY = 1.05  # by this factor a reversed torque must be liker than one that is not
+_MORE_LIKELY = 1.05  # factor by which a reversed torque must correlate better than one that is not
 
 
 @dataclass(frozen=True, slots=True)
 class SensorFit:
-    """What the data say of the sensor: `measured(t) = gain * true(t - delay) + offset`.
+    """Fitted torque sensor: `measured(t) = gain * true(t - delay) + offset`.
 
     Attributes:
         delay_s: the estimated delay; the configured one where `identifiable` is false.
-        delay_sigma_s: its standard deviation; residuals of one turn of the shaft may belong together.
+        delay_sigma_s: its standard deviation; residuals of one turn of the shaft may be correlated.
         gain: estimated gain, negative where the torque's sign is reversed. offset_Nm: estimated offset.
-        identifiable: whether the torque follows the prediction well enough to tell a delay.
-        at_limit: whether the best delay lies on the edge of the searched range.
-        sought: false where there is too little to tell anything: then gain and offset are the configured ones, too.
+        identifiable: true if the torque follows the prediction well enough to determine a delay.
+        at_limit: true if the best delay lies on the edge of the searched range.
+        sought: false without enough data for a fit: then gain and offset are the configured ones, too.
     """
 
     delay_s: float
@@ -40,7 +40,7 @@ class SensorFit:
 
 
 def usable(track: Track, time_s: FloatArray) -> tuple[BoolArray, FloatArray, FloatArray]:
-    """Which of the times (m,) can be interpolated, and torque and slope there."""
+    """Return true for the times (m,) that can be interpolated, and torque and slope there."""
     piece, inside = track.piece(time_s)
     good = inside & ~track.blocked[piece] & ~track.near_jump(time_s, GUARD_S)
     torque, slope = track.torque_at(time_s, piece)
@@ -58,7 +58,7 @@ def fit_sensor(
 
     First the delay of the highest correlation, of either sign, on a grid of `search_s` around the configured delay,
     then Gauss-Newton in (delay, gain, offset) with Huber weights, which resolves a small fraction of a sample.
-    Samples at a jump of the load are left out: there the sensor's own dynamics decide, not its delay.
+    Samples at a discontinuity of the load are left out: there the dynamics of the sensor matter more than its delay.
     """
     thin = np.linspace(0, time_s.size - 1, min(time_s.size, _COARSE_SAMPLES)).astype(np.int64)
     grid = configured_s + np.linspace(-search_s, search_s, 2 * _COARSE_STEPS + 1)
@@ -96,7 +96,7 @@ def _gauss_newton(
 ) -> tuple[FloatArray, float]:
     """Move of the unknowns for their slopes (3, m) and errors (m,), and the first one's standard deviation.
 
-    The deviation is the larger one with residuals of one turn as one, or each on its own.
+    The deviation is the larger of two: with residuals correlated within a turn, or all independent.
     """
     normal, sides = np.zeros((3, 3)), np.zeros(3)
     for part in parts(error.size):
@@ -126,7 +126,7 @@ def _correlation(track: Track, time_s: FloatArray, measured_Nm: FloatArray) -> f
     a, b = torque[good], measured_Nm[good]
     a, b = a - a.mean(), b - b.mean()
     size = float(np.sqrt((a @ a) * (b @ b)))
-    # A torque that does not vary tells nothing: rounding alone must not pass for likeness.
+    # Rounding errors of a constant torque must not pass for a correlation.
     if size <= 1e-12 * float(np.max(np.abs(torque[good])) ** 2 + np.max(np.abs(measured_Nm)) ** 2) * a.size:
         return 0.0
     return float(a @ b) / size

@@ -1,4 +1,4 @@
-"""The shaft's speed against what the measured torque drives: ripple by orders, and the inertia and delay that fit."""
+"""Ripple of the shaft's speed compared with the ripple that the measured torque causes, by orders of the shaft."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from textile_twin_core.machine.sensors import Encoder
 from textile_twin_core.twin import compile_machine
 
 HIGHEST = 6
-"""Orders of the turn up to which the ripple is held against the torque's."""
+"""Highest order of the turn that is compared."""
 _BINS = 720
 _SETTLED = 0.15
 _FEWEST_CYCLES = 3.0
@@ -31,16 +31,17 @@ _FOLLOWS, _LATE_S, _OTHER_INERTIA, _WHEEL = 0.8, 1e-3, 0.03, 0.03
 
 @dataclass(frozen=True)
 class DrivenSpeed:
-    """Ripple of the speed as seen, and as the measured torque gives it.
+    """Ripple of the speed: measured, and caused by the measured torque.
 
     Attributes:
-        orders: (k,) of the turn. seen, driven: (k,) complex amplitudes of the speed [rad/s], as exp(i order angle).
-        chosen: (k,) the orders that count: with a toothed wheel those that its errors cannot reach.
+        orders: (k,) of the turn. seen, driven: (k,) complex amplitudes of the measured and the caused ripple
+            [rad/s], as exp(i order angle).
+        chosen: (k,) true for the orders that pitch errors of a toothed wheel do not disturb.
         speed_rad_s, cycles: mean speed, and cycles of the load in the record.
-        added_inertia_kgm2, inertia_kgm2: beside the machine file's, and the mean over the cycle in all.
-        delay_s: by which the torque lags the speed that it makes.
+        added_inertia_kgm2, inertia_kgm2: inertia added to the machine file's, and the total mean over the cycle.
+        delay_s: lag of the torque behind the speed that it causes.
         explained, explained_all: R2 of the chosen orders and of all, with that inertia and no delay.
-        machine: with that inertia, and with pitch errors of its toothed wheel as torque and motion tell them together.
+        machine: with that inertia, and with the pitch errors of its toothed wheel that torque and motion show.
     """
 
     orders: FloatArray
@@ -63,15 +64,15 @@ class DrivenSpeed:
 
     @property
     def verdict(self) -> str:
-        """What is wrong, in words; the torque, the machine and the wheel."""
+        """Faults of torque, machine and wheel, in words."""
         if self.explained < _FOLLOWS:
             return f"the speed does not follow this torque: {1.0 - self.explained:.0%} of its ripple stays unexplained"
         said = []
         if abs(self.delay_s) > _LATE_S:
             said.append(f"the torque lags by {self.delay_s * 1e3:+.2f} ms")
         if abs(self.added_inertia_kgm2) > _OTHER_INERTIA * self.inertia_kgm2:
-            told = self.inertia_kgm2 - self.added_inertia_kgm2
-            said.append(f"the inertia is {self.inertia_kgm2 / told:.3f} times that of the machine file")
+            nominal = self.inertia_kgm2 - self.added_inertia_kgm2
+            said.append(f"the inertia is {self.inertia_kgm2 / nominal:.3f} times that of the machine file")
         if not self.chosen.all() and self.explained - self.explained_all > _WHEEL:
             said.append("the toothed wheel has pitch errors that read as ripple: settle them with calibrate --wheel")
         what = "; ".join(said) or "nothing is wrong"
@@ -79,23 +80,23 @@ class DrivenSpeed:
 
     def to_json(self) -> dict[str, Any]:
         """One object of plain lists and numbers; amplitudes as magnitudes and phases."""
-        told = {each.name: getattr(self, each.name) for each in fields(self)}
-        del told["seen"], told["driven"], told["machine"]
+        values = {each.name: getattr(self, each.name) for each in fields(self)}
+        del values["seen"], values["driven"], values["machine"]
         for name, wave in (("seen", self.seen), ("driven", self.driven)):
-            told |= {f"{name}_rad_s": np.abs(wave), f"{name}_phase_rad": np.angle(wave)}
-        out: dict[str, Any] = plain({"quantity": "speed", **told, "verdict": self.verdict})
+            values |= {f"{name}_rad_s": np.abs(wave), f"{name}_phase_rad": np.angle(wave)}
+        out: dict[str, Any] = plain({"quantity": "speed", **values, "verdict": self.verdict})
         return out
 
 
 def driven_speed(readings: Readings, machine: Machine) -> DrivenSpeed:
-    """Hold the ripple of the shaft's speed against the one that the measured torque makes in this machine.
+    """Compare the ripple of the shaft's speed with the one that the measured torque causes in this machine.
 
-    The torque is averaged over the cycle (`cycle_turns` of the encoder), its mean is taken off (what the load takes),
-    and `drive` turns it into a motion. Inertia and delay follow from the amplitudes and phases of the orders. An error
-    of a toothed wheel reads as ripple of whole orders, so with a wheel and a cycle of several turns only the orders
-    between count.
+    The torque is averaged over the cycle (`cycle_turns` of the encoder), its mean, which the load takes, is subtracted,
+    and `drive` turns it into a motion. Inertia and delay follow from the amplitudes and phases of the orders. Pitch
+    errors of a toothed wheel read as ripple of whole orders, so with a wheel and a cycle of several turns only the
+    other orders count.
 
-    Raises RecordingError for a record without some cycles at one speed.
+    Raises RecordingError for a record with too few cycles at one speed.
     """
     encoder = machine.sensors.encoder
     origin = int(readings.angle_stamps_ns[0])
@@ -153,7 +154,7 @@ def driven_speed(readings: Readings, machine: Machine) -> DrivenSpeed:
 
 
 def _whole_cycles(theta: FloatArray, track: ShaftTrack, cycle: float) -> BoolArray:
-    """Which angles lie in the last whole cycles of a record, its beginning left out: each part of a cycle as often."""
+    """Return true for the angles in the last whole cycles of a record, without its beginning."""
     gone = np.abs(theta - track.theta_rad[0])
     end = float(np.abs(track.theta_rad[-1] - track.theta_rad[0]))
     count = np.floor((1.0 - _SETTLED) * end / cycle)
@@ -161,10 +162,10 @@ def _whole_cycles(theta: FloatArray, track: ShaftTrack, cycle: float) -> BoolArr
 
 
 def _pitch_errors(excess: np.ndarray, orders: FloatArray, speed: float, zero: float, encoder: Encoder) -> FloatArray:
-    """(teeth,) pitch errors [rad] that read as this ripple of whole orders.
+    """Pitch errors (teeth,) [rad] that read as this ripple of whole orders.
 
-    A reading that is off by e(angle) reads as a speed that is off by the speed times e's slope, so each amplitude over
-    i order speed is e's; the edge then stands where the reading says less e.
+    An angle error e(angle) reads as a speed error of speed times the slope of e, so each amplitude of e is that of
+    the ripple over (i order speed). The true place of an edge is the reading less e.
     """
     whole = np.abs(orders - np.rint(orders)) < 1e-9
     tooth = encoder.direction * encoder.ratio * TURN * np.arange(encoder.teeth) / encoder.teeth - zero
@@ -174,7 +175,7 @@ def _pitch_errors(excess: np.ndarray, orders: FloatArray, speed: float, zero: fl
 
 
 def amplitudes(theta: FloatArray, omega: FloatArray, orders: FloatArray) -> np.ndarray:
-    """(k,) complex amplitudes of a speed over the angle, by least squares beside a slow change of the mean."""
+    """Complex amplitudes (k,) of a speed over the angle, by least squares with a slow change of the mean."""
     place = 2.0 * (theta - theta[0]) / (theta[-1] - theta[0]) - 1.0
     waves = np.exp(1j * np.outer(theta, orders))
     table = np.concatenate([np.polynomial.chebyshev.chebvander(place, 3), waves.real, waves.imag], axis=1)
@@ -189,11 +190,11 @@ def _mean_over_angle(theta: FloatArray, omega: FloatArray) -> float:
 def _mean_cycle(
     readings: Readings, track: ShaftTrack, machine: Machine, origin: int, cycle: float, speed: float
 ) -> FloatArray:
-    """(bins,) the measured torque over the cycle less the machine's loads and less its mean [N m]."""
+    """Measured torque over the cycle (bins,) less the machine's loads and less its mean [N m]."""
     sensor, encoder = machine.sensors.torque, machine.sensors.encoder
     time: FloatArray = np.asarray((readings.torque_stamps_ns - origin) * 1e-9 - sensor.delay_s, np.float64)
     theta, _, _, good = track.at(time)
-    # Of the same cycles as the speed: no two burn alike.
+    # From the same cycles as the speed, since cycles of an engine differ.
     good &= np.isfinite(readings.torque) & _whole_cycles(theta, track, cycle)
     theta = encoder.direction * theta[good] - encoder.zero_rad * encoder.direction * encoder.ratio
     torque = (readings.torque[good] - sensor.offset_Nm) / sensor.gain
@@ -212,10 +213,10 @@ def _mean_cycle(
 
 
 def _driven(machine: Machine, torque: FloatArray, speed: float, cycle: float, orders: FloatArray) -> np.ndarray:
-    """The orders of the machine's speed under a torque over the cycle (bins,), over three cycles.
+    """Orders of the machine's speed under a torque over the cycle (bins,), simulated for three cycles.
 
-    Its mean over the angle is to be the one that was seen: the faster the shaft, the less a torque changes its speed,
-    and where in its ripple the motion begins must not matter.
+    The initial speed is adjusted until the mean speed over the angle equals the measured one, because the ripple
+    depends on it.
     """
     around = np.append(torque, torque[0])
 
@@ -232,23 +233,23 @@ def _driven(machine: Machine, torque: FloatArray, speed: float, cycle: float, or
 
 
 def _factor_and_delay(seen: np.ndarray, driven: np.ndarray, rates: FloatArray) -> tuple[float, float]:
-    """By which factor the driven ripple must grow, and by which delay of the torque [s] it comes too late."""
+    """Fit the factor on the caused ripple and the delay of the torque [s] that match the measured ripple best."""
 
-    def left(x: FloatArray) -> FloatArray:
-        rest = seen - x[0] * driven * np.exp(1j * rates * x[1] * 1e-3)
-        return np.concatenate([rest.real, rest.imag])
+    def residual(x: FloatArray) -> FloatArray:
+        difference = seen - x[0] * driven * np.exp(1j * rates * x[1] * 1e-3)
+        return np.concatenate([difference.real, difference.imag])
 
     start = abs(np.vdot(driven, seen)) / max(np.vdot(driven, driven).real, 1e-300)
     best = min(
-        (scipy.optimize.least_squares(left, [start, late]) for late in np.linspace(-4.0, 4.0, 9)),
+        (scipy.optimize.least_squares(residual, [start, late]) for late in np.linspace(-4.0, 4.0, 9)),
         key=lambda each: each.cost,
     )
     return float(best.x[0]), float(best.x[1]) * 1e-3
 
 
 def _explained(seen: np.ndarray, driven: np.ndarray) -> float:
-    rest = seen - driven
-    return float(1.0 - np.vdot(rest, rest).real / np.vdot(seen, seen).real)
+    residual = seen - driven
+    return float(1.0 - np.vdot(residual, residual).real / np.vdot(seen, seen).real)
 
 
 def _mean_inertia(machine: Machine) -> float:
@@ -260,14 +261,14 @@ def _mean_inertia(machine: Machine) -> float:
 
 
 def _with_inertia(machine: Machine, added: float) -> Machine:
-    """The machine with inertia added to its flywheel, or taken from it."""
+    """Return the machine with inertia added to its flywheel; a negative one is taken from it."""
     wheels = sum(body.inertia_kgm2 for body in machine.bodies if body.is_flywheel)
     others = tuple(body for body in machine.bodies if not body.is_flywheel)
     return replace(machine, bodies=(*others, Body.flywheel(max(wheels + added, 0.0))))
 
 
 def driven_rows(found: DrivenSpeed) -> list[tuple[str, str]]:
-    """Names and values for a person, the verdict last."""
+    """Rows of names and values for display, the verdict last."""
     return [
         ("mean speed", f"{found.speed_rad_s * 30.0 / np.pi:.2f} rpm over {found.cycles:.1f} cycles of the load"),
         ("inertia beside the machine file's", f"{found.added_inertia_kgm2:+.5f} kg m2, as this ripple asks for"),

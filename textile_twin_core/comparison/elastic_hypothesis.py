@@ -1,4 +1,4 @@
-"""Whether a shaft that twists explains a recording of a machine whose file has a rigid shaft."""
+"""Test of an elastic shaft on a recording of a machine whose file has a rigid shaft."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _UNIFORM = 0.1
 """Largest spread of the turns' mean speeds in a window, over their mean."""
 _MOST_WINDOWS = 6
 _LONGEST_GAP_RAD = 0.5 * TURN
-"""Between two states further apart the angle is not known well enough."""
+"""Largest distance of neighbouring states: beyond it the angle between them is too uncertain."""
 _ORDERS = 100
 _HIGHEST_HZ = 400.0
 _SHARE_OF_SAMPLING = 0.4
@@ -32,7 +32,7 @@ _DRIVES = (1.0, 3.0, 10.0)
 """Inertias of the drive tried, over that of all linkages together."""
 _DAMPING_RATIOS = (0.01, 0.03)
 _DELAYS_S = np.linspace(-0.005, 0.005, 41)
-"""Delays of the torque beside the configured one: phases of high orders are sensitive to them."""
+"""Delays of the torque tried beside the configured one: phases of high orders are sensitive to them."""
 _LEAST_DISC_KGM2 = 1e-9
 """Disc of the drive's station, to which the inertias tried are added."""
 _ANGLES = 720
@@ -56,8 +56,8 @@ class ElasticHypothesis:
     Attributes:
         first_Hz: first natural frequency. sigma_Hz: its standard deviation.
         stiffness_Nm_rad: of the whole shaft from the drive to the last linkage, as equal pieces.
-        unexplained, rigid_unexplained: share of the torque's variance over the orders of the shaft that the elastic and
-            the rigid one leave.
+        unexplained, rigid_unexplained: share of the torque's variance over the orders of the shaft that the elastic
+            and the rigid shaft leave unexplained.
     """
 
     first_Hz: float
@@ -70,9 +70,9 @@ class ElasticHypothesis:
 def elastic_hypothesis(evidence: Evidence, machine: Machine, configured: Settings) -> ElasticHypothesis | None:
     """Fit an elastic shaft with the machine's linkages in a row behind the drive.
 
-    The torque of each window of turns is compared order by order with the response of a chain of equal pieces. Free are
-    the first natural frequency, the drive's inertia, the damping, and a small delay; the sensors are as configured. The
-    rigid shaft that it is held against has any zero and direction of the encoder, any gain and sign of the torque.
+    The torque of each window of turns is compared order by order with the response of a chain of equal pieces. Free
+    parameters are the first natural frequency, the drive's inertia, the damping and a small delay; the sensors are as
+    configured. The rigid shaft for comparison may have any zero and direction of the encoder, any gain and sign.
 
     Args:
         evidence: The record.
@@ -80,7 +80,7 @@ def elastic_hypothesis(evidence: Evidence, machine: Machine, configured: Setting
         configured: Settings of the sensors by the machine file.
 
     Returns:
-        The shaft, None where it does not explain the torque clearly better than a rigid one.
+        The shaft; None if it does not explain the torque clearly better than a rigid one.
     """
     if machine.shaft is not None or machine.missing_for_torque or not machine.linkage.solved.turns_fully:
         return None
@@ -113,7 +113,7 @@ def elastic_hypothesis(evidence: Evidence, machine: Machine, configured: Setting
 
 
 def elastic_cause(found: ElasticHypothesis) -> Cause:
-    """The verdict's entry."""
+    """Cause for the verdict."""
     text = (
         f"the main shaft twists: first natural frequency {found.first_Hz:.1f} +- {found.sigma_Hz:.1f} Hz, about"
         f" {found.stiffness_Nm_rad:.2g} N m/rad from the drive to the last linkage; so it leaves"
@@ -124,7 +124,7 @@ def elastic_cause(found: ElasticHypothesis) -> Cause:
 
 
 def _row_of_linkages(machine: Machine) -> MainShaft:
-    """A shaft with a station for the drive and one for each linkage, and pieces of stiffness 1."""
+    """Return a shaft with a station for the drive and one for each linkage, and pieces of stiffness 1."""
     names = [f"s{k}" for k in range(len(machine.linkages) + 1)]
     pieces = (ShaftPiece(a, b, stiffness_Nm_rad=1.0) for a, b in pairwise(names))
     return MainShaft(tuple(Station(name, _LEAST_DISC_KGM2) for name in names), tuple(pieces))
@@ -144,11 +144,11 @@ class _Window:
 
 
 def _windows(evidence: Evidence, configured: Settings) -> list[_Window]:
-    """Windows of uniform speed, evenly taken over the record."""
+    """Choose windows of uniform speed, evenly over the record."""
     time = evidence.time_s - configured.delay_s
     track = evidence.track
     angle, omega, alpha, _ = track.at(time)
-    # An estimator of a rigid shaft may reject readings that vibrate, always at the same angles of the turn.
+    # An estimator of a rigid shaft may reject readings of a vibrating shaft, always at the same angles of the turn.
     after = np.clip(np.searchsorted(track.time_s, time), 1, track.time_s.size - 1)
     apart = np.abs(track.theta_rad[after] - track.theta_rad[after - 1])
     good = (time >= track.time_s[0]) & (time <= track.time_s[-1]) & (apart < _LONGEST_GAP_RAD)
@@ -199,7 +199,7 @@ def _window(time: FloatArray, theta: FloatArray, torques: FloatArray, sampling: 
 
 
 def _rigid_unexplained(windows: list[_Window]) -> float:
-    """Share of the amplitudes' squares that a rigid shaft leaves with any zero and direction, gain and sign."""
+    """Share of the squared amplitudes that a rigid shaft leaves unexplained at its best zero, direction and gain."""
     zeros = TURN * np.arange(_ANGLES) / _ANGLES
     common, measured, expected = np.zeros((2, _ANGLES)), 0.0, 0.0
     for window in windows:
@@ -212,7 +212,7 @@ def _rigid_unexplained(windows: list[_Window]) -> float:
 
 
 def _unexplained(response: HarmonicResponse, windows: list[_Window]) -> FloatArray:
-    """(frequencies,) sum of squares of the amplitudes that the response leaves, at the best delay of each."""
+    """Residual sum of squared amplitudes (frequencies,) of the response, each at its best delay."""
     factors = (_FREQUENCIES_HZ / response.first_Hz) ** 2
     left = np.zeros((factors.size, _DELAYS_S.size))
     for window in windows:

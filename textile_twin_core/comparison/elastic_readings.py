@@ -1,4 +1,4 @@
-"""Measured torque of a machine with an elastic shaft as its rigid equation would have it."""
+"""Measured torque of an elastic shaft, converted to that of a rigid one."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ def without_elasticity(
     torque_Nm: FloatArray,
     settled: BoolArray,
 ) -> Readings:
-    """Take the difference between the elastic and the rigid shaft out of the measured torque.
+    """Subtract the difference between the elastic and the rigid shaft from the measured torque.
 
     The residual against the rigid equation then equals that against the elastic prediction. Torques without a settled
     prediction become NaN.
 
     Args:
         readings: The recording.
-        machine: Its machine; of a rigid shaft the readings come back as they are.
+        machine: Its machine; with a rigid shaft the readings are returned unchanged.
         track: Motion of the encoder's station, with the encoder's own direction and zero.
         stamps_ns, torque_Nm, settled: (n,) predictions of the elastic shaft.
 

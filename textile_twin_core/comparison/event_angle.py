@@ -1,4 +1,4 @@
-"""At which shaft angle a force begins or ends: the likelihood of every angle, from the samples beside the event."""
+"""Shaft angle at which a force begins or ends: the likelihood of every angle, from the samples beside the event."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ SPREADS_RAD = tuple(np.radians([0.01, 0.02, 0.03, 0.06, 0.12, 0.25, 0.5, 1.0, 2.
 _OUTLIERS = 1e-4
 _OUTLIER_SIGMAS = 100.0
 _FAR = 5.0
-"""Spreads from an event beyond which the force is there, or not, to 3e-7."""
+"""Distance from an event, in spreads, beyond which the force has its full value, or none, to 3e-7."""
 
 
 @dataclass(frozen=True)
 class BesideEvent:
-    """Samples near an event, (m,): how far past it, what was measured, and what is expected before and after it."""
+    """Samples near an event, (m,): angle past it, measured torque, and torque predicted before and after it."""
 
     relative_rad: FloatArray
     measured: FloatArray
@@ -27,30 +27,30 @@ class BesideEvent:
     after: FloatArray
 
     def error(self, shift_rad: float, spread_rad: float) -> float:
-        """Sum of absolute errors with the event shifted, the force growing over the spread."""
+        """Sum of absolute errors with the event shifted and the force growing over the spread."""
         past = scipy.special.ndtr((self.relative_rad - shift_rad) / spread_rad)
         return float(np.sum(np.abs(self.measured - self.before - past * (self.after - self.before))))
 
 
 @dataclass(frozen=True)
 class EventAngle:
-    """The event's shift from where it was looked for, with its uncertainty, and the spread that was likeliest."""
+    """Estimated shift of an event with its uncertainty, and the likeliest spread."""
 
     shift: Estimate
     spread_rad: float
 
 
 def event_angle(beside: BesideEvent, scale: float, about_rad: float, reach_rad: float) -> EventAngle:
-    """The posterior of an event's shift, all shifts and spreads alike beforehand.
+    """Posterior of an event's shift, under a uniform prior of shifts and spreads.
 
-    Two kinds of event are weighed. One leaps, and the stamps' errors decide on which side a sample falls: each sample
-    is before it or after it. The other grows over the spread (needle points that are not level). Noise is normal, with
-    a share of 1e-4 of outliers. Few samples lie at an event, so its likelihood is no parabola and least squares would
-    promise too much.
+    Two kinds of event are compared. One is a discontinuity: each sample lies before it or after it, and errors of the
+    stamps decide on which side. The other grows over the spread (needle points that are not level). Noise is normal,
+    with a share of 1e-4 of outliers. Few samples lie at an event, so its likelihood is no parabola, and least squares
+    would be overconfident.
 
     Args:
         beside: samples near the event. scale: standard deviation of the noise.
-        about_rad, reach_rad: shifts within the reach of this one are looked at, 200 to a side.
+        about_rad, reach_rad: centre and half width of the shifts tried, 200 to a side.
     """
     shifts = about_rad + np.linspace(-reach_rad, reach_rad, 401)
     logs = np.array(
@@ -59,7 +59,7 @@ def event_angle(beside: BesideEvent, scale: float, about_rad: float, reach_rad: 
     mass = np.exp(logs - logs.max()).sum(axis=1).sum(axis=0)
     mass /= mass.sum()
     mean = float(mass @ shifts)
-    # A shift stands for all within half a step of it, or a posterior narrower than the step had no width.
+    # A shift represents all within half a step of it; else a posterior narrower than a step would have no width.
     step = float(shifts[1] - shifts[0])
     sigma = float(np.sqrt(mass @ (shifts - mean) ** 2 + step**2 / 12.0))
     edges = shifts[0] + step * (np.arange(shifts.size + 1) - 0.5)
@@ -69,7 +69,7 @@ def event_angle(beside: BesideEvent, scale: float, about_rad: float, reach_rad: 
 
 
 def _log_likelihoods(beside: BesideEvent, shifts: FloatArray, spread: float, scale: float, steep: bool) -> FloatArray:
-    """(k,) of the samples at shifts (k,) of the event. Far from all shifts a sample is before the event or after it."""
+    """Log likelihoods (k,) of the samples at shifts (k,) of the event."""
     middle, reach = 0.5 * (shifts[0] + shifts[-1]), 0.5 * float(np.ptp(shifts)) + _FAR * spread
     near = np.abs(beside.relative_rad - middle) < reach
     far, close = (

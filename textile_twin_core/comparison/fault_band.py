@@ -1,4 +1,4 @@
-"""What is usual of a machine's turns: the band that they are held against, and how far they have moved from it."""
+"""Band of a machine's usual turns, and the departure of later turns from it."""
 
 from __future__ import annotations
 
@@ -12,29 +12,29 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.comparison.fault_signatures import KINDS, TurnFeatures
 
 SERIES = (*KINDS, "noise", "profile", "dropout", "stuck")
-"""What is watched, turn by turn."""
+"""Features watched in each turn."""
 ONE_SIDED = np.array([name not in KINDS for name in SERIES])
-"""Series that count when they grow; the others count either way."""
+"""Series that count only when they grow; the others count with either sign."""
 _PROFILE, _DROPOUT = SERIES.index("profile"), SERIES.index("dropout")
 _FARTHEST = 200.0
 _ROUNDING = 1e-6
-"""Part of the torque below which its scatter is that of numbers, as a simulator's are."""
+"""Share of the torque below which its scatter is rounding, as in a simulator."""
 _FAR = 8.0
-"""Scatters from the median beyond which a turn that is learnt from counts no more than there."""
+"""Scatters from the median at which the values of learnt turns are clipped."""
 _SAME_SPEED, _FEWEST = 0.05, 0.05
-"""Part of a speed within which it is the same, and part of the turns that it needs to be known; a run-up has less."""
+"""Relative difference within which two speeds are equal; share of the turns at a speed that makes it known."""
 _OF_MEDIAN = 0.5 * math.pi
 """Variance of a median over that of a mean."""
 
 
 @dataclass(frozen=True)
 class Band:
-    """What some turns had in common.
+    """Statistics of a set of turns.
 
     Attributes:
-        turns: how many they were. mean, sigma: (series,) of one turn.
-        profile_Nm, profile_sigma_Nm: (BINS,) what no signature takes, by shaft angle.
-        usual_count: samples in a turn. speeds_rad_s: (turns,) of each. least_noise_Nm: less noise is none.
+        turns: their number. mean, sigma: (series,) of one turn.
+        profile_Nm, profile_sigma_Nm: (BINS,) residual by shaft angle that no signature explains.
+        usual_count: samples in a turn. speeds_rad_s: (turns,) of each. least_noise_Nm: noise below it is rounding.
     """
 
     turns: int
@@ -49,7 +49,7 @@ class Band:
     def rows(self, turns: TurnFeatures) -> FloatArray:
         """The watched series of turns, (t, series)."""
         away = np.nan_to_num(turns.profile_Nm - self.profile_Nm) / self.profile_sigma_Nm
-        # Samples come by time, so a slower turn holds more of them.
+        # The sampling rate is constant in time, so a slower turn holds more samples.
         full = turns.count * np.abs(turns.speed_rad_s) / max(self.usual_count, 1.0)
         return np.column_stack(
             [
@@ -62,21 +62,21 @@ class Band:
         )
 
     def knows_speed(self, speed_rad_s: float) -> bool:
-        """Whether some of its turns were made at a speed."""
+        """Return true if enough of the turns were made at this speed."""
         near = np.abs(self.speeds_rad_s - speed_rad_s) < _SAME_SPEED * abs(speed_rad_s)
         return bool(np.mean(near) >= _FEWEST)
 
 
 def band_of(learnt: Sequence[TurnFeatures], torque_Nm: float, memory_turns: float, first: Band | None = None) -> Band:
-    """The band of some turns.
+    """Learn the band of a set of turns.
 
     Args:
-        learnt: the turns. torque_Nm: size of the machine's torque. memory_turns: over which a moving mean looks back.
-        first: a band of more turns; this one, of turns that are alike, gets no narrower, and wider as far as its fewer
-            turns tell its mean worse.
+        learnt: the turns. torque_Nm: size of the machine's torque. memory_turns: length of the moving mean.
+        first: a band of more turns. The new band is no narrower, and wider as its mean over fewer turns is less
+            certain.
     """
     turns = TurnFeatures.joined(learnt)
-    profiles = np.nan_to_num(turns.profile_Nm)  # bins that never hold a sample, beside a leap of the load
+    profiles = np.nan_to_num(turns.profile_Nm)  # bins without samples, beside a discontinuity of the load
     profile = np.median(profiles, axis=0)
     spread = 1.4826 * np.median(np.abs(profiles - profile), axis=0)
     spread = np.maximum(spread, max(0.3 * float(np.median(spread)), _ROUNDING * torque_Nm))
@@ -96,9 +96,9 @@ def band_of(learnt: Sequence[TurnFeatures], torque_Nm: float, memory_turns: floa
     mean = np.median(rows, axis=0)
     sigma = _scatter(rows, mean, torque_Nm, memory_turns)
     if first is not None:
-        # Beside a fault a series may have two values by turns: what moves on is its mean, and by all of its scatter.
+        # Beside a fault a series may alternate between two values: its full scatter counts, about the mean.
         mean, sigma = np.mean(rows, axis=0), np.maximum(sigma, np.std(rows, axis=0))
-        # Few turns lie nearer to their own mean profile than those to come.
+        # The few learnt turns lie closer to their own mean profile than later turns.
         mean[_PROFILE] = max(mean[_PROFILE], first.mean[_PROFILE])
         moving = moving_spread(memory_turns) ** 2
         wider = (moving + 1.0 / len(learnt)) / (moving + _OF_MEDIAN / first.turns)
@@ -107,16 +107,16 @@ def band_of(learnt: Sequence[TurnFeatures], torque_Nm: float, memory_turns: floa
 
 
 def moving_spread(memory_turns: float) -> float:
-    """Standard deviation of an exponentially weighted mean, in those of a turn."""
+    """Standard deviation of an exponentially weighted mean, over that of one turn."""
     share = 1.0 / memory_turns
     return math.sqrt(share / (2.0 - share))
 
 
 def _scatter(rows: FloatArray, mean: FloatArray, torque_Nm: float, memory_turns: float) -> FloatArray:
-    """Scatter of a turn; more where neighbouring turns go together, as their mean then scatters more."""
+    """Scatter of a turn, enlarged where neighbouring turns are correlated, since their mean then scatters more."""
     alone = 1.4826 * np.median(np.abs(rows - mean), axis=0)
     floor = np.array([1e-4, 1e-4 * torque_Nm, 1e-4, 1e-5, 0.03, 0.05, 0.02 * abs(mean[_DROPOUT]) + 1e-6, 0.03])
-    # A mean takes a single wrong value in, however far off it is; the band would be that wide for good.
+    # Without clipping a single outlier would widen the band for good.
     far = _FAR * np.maximum(alone, floor)
     rows = np.clip(rows, mean - far, mean + far)
     block = min(max(2, round(memory_turns)), rows.shape[0])
@@ -126,7 +126,7 @@ def _scatter(rows: FloatArray, mean: FloatArray, torque_Nm: float, memory_turns:
 
 
 class Departure:
-    """The moving mean of how far turns lie from a band (exponentially weighted; Roberts 1959)."""
+    """Exponentially weighted moving mean of the departures of turns from a band (Roberts 1959)."""
 
     def __init__(self, band: Band, memory_turns: float) -> None:
         self.band, self._memory_turns = band, memory_turns
@@ -134,22 +134,22 @@ class Departure:
 
     @property
     def sigmas(self) -> FloatArray:
-        """The departure in its standard deviations, (series,)."""
+        """Departure (series,) in its standard deviations."""
         return np.asarray(self._moving / moving_spread(self._memory_turns))
 
     @property
     def away(self) -> FloatArray:
-        """The same without the sign where both signs count."""
+        """Departure in its standard deviations, without the sign where both signs count."""
         return np.where(ONE_SIDED, self.sigmas, np.abs(self.sigmas))
 
     @property
     def size(self) -> FloatArray:
-        """The departure in the units of the series, (series,), without the sign where both count."""
+        """Departure (series,) in the units of the series, without the sign where both signs count."""
         size = self._moving * self.band.sigma
         return np.where(ONE_SIDED, size, np.abs(size))
 
     def take(self, turn: TurnFeatures) -> None:
-        """Take one turn more."""
+        """Add one turn."""
         departure = (self.band.rows(turn)[0] - self.band.mean) / self.band.sigma
-        # One turn that is far out moves the mean at once; a lasting small one moves it in time.
+        # One large departure moves the mean at once; a lasting small one moves it in time.
         self._moving += (np.clip(departure, -_FARTHEST, _FARTHEST) - self._moving) / self._memory_turns

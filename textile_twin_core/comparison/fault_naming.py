@@ -1,4 +1,4 @@
-"""Which fault some turns show against a band, and how it is told to a person."""
+"""Name of the fault that a few turns show against a band, and its text for a person."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from textile_twin_core.comparison.fault_band import SERIES, Band
 from textile_twin_core.comparison.fault_signatures import BINS, KINDS, TurnFeatures
 
 OF_SAMPLES = ("stuck", "dropout")
-"""Faults that show in the samples themselves, whatever else is wrong."""
+"""Faults that show in the samples themselves, independent of all others."""
 SIDE = {
     "load_force": "needle",
     "constant_torque": "drive",
@@ -24,15 +24,15 @@ SIDE = {
     "stuck": "sensor",
 }
 _MOST = 0.6
-"""Share of what is new that one explanation must take to be named."""
+"""Share of the change that one explanation must take to be named."""
 _AS_USUAL = 4.0
-"""Standard deviations that the mean of turns may lie from a band that holds them."""
+"""Largest distance of the mean of some turns from a band that contains them, in standard deviations."""
 _NOISE, _DROPOUT = SERIES.index("noise"), SERIES.index("dropout")
 _TO_RPM = 30.0 / math.pi
 
 
 def evidence_of(kind: str) -> str:
-    """The series (see `SERIES`) that raises alarms of a kind."""
+    """Return the series (see `SERIES`) that raises alarms of a kind."""
     return "constant_torque" if kind == "sensor_offset" else kind
 
 
@@ -44,16 +44,16 @@ def worth_telling(band: Band, torque_Nm: float, least_share: float, least_phase_
 
 
 def is_held(turns: TurnFeatures, band: Band, worth: FloatArray) -> bool:
-    """Whether turns are as those of a band."""
+    """Return true if turns agree with a band."""
     away = np.abs(np.mean(band.rows(turns), axis=0) - band.mean)
     return bool(np.all(away < np.maximum(worth, _AS_USUAL * band.sigma / math.sqrt(turns.number.size))))
 
 
 def named(turns: TurnFeatures, band: Band, worth: FloatArray) -> tuple[str, float]:
-    """The kind of fault that a few turns show, and its size; empty when it has gone.
+    """Return the kind of fault that a few turns show, and its size; empty when it has gone.
 
-    A single signature is named when it alone takes most of what the residual has more than learnt (the likeliest of
-    one-parameter explanations); else what is the same in every turn is an unknown torque, and what is not is noise.
+    A single signature is named if it alone explains most of the new residual (the likeliest of one-parameter
+    explanations). Otherwise a change that is the same in every turn is an unknown torque, and any other is noise.
     """
     rows = np.mean(band.rows(turns), axis=0) - band.mean
     for kind in OF_SAMPLES:
@@ -79,7 +79,7 @@ def named(turns: TurnFeatures, band: Band, worth: FloatArray) -> tuple[str, floa
 
 
 def told(kind: str, size: float, turns: TurnFeatures, band: Band, speed_known: bool) -> tuple[str, str]:
-    """The kind of alarm and its text, for a fault of a kind and size that some turns show."""
+    """Return the kind and the text of the alarm for a fault of a kind and size that some turns show."""
     speed = float(np.mean(turns.speed_rad_s))
     against = kind == "constant_torque" and size * math.copysign(1.0, speed) < 0.0
     name = "sensor_offset" if against else kind

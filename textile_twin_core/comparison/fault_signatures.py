@@ -1,4 +1,4 @@
-"""What faults do to the residual: one column of torque per kind of fault, and their sizes turn by turn."""
+"""Signatures of faults in the residual: one column of torque per kind, and their sizes turn by turn."""
 
 from __future__ import annotations
 
@@ -19,22 +19,23 @@ BINS = 36
 FEWEST_TORQUES_PER_TURN = 12
 _PHASE_STEP = 1e-3
 _JUMP_GUARD_RAD = 0.15
-"""Samples this near to a leap of the load are left out: a slip of the angle would show as nothing but the leap."""
+"""Samples this close to a discontinuity of the load are left out: else it would dominate the slip of an angle."""
 
 KINDS = ("load_force", "constant_torque", "sensor_gain", "phase")
-"""Signatures in the order of their columns: the declared loads, a torque that never changes, the whole torque, and its
-slope by the shaft angle (an encoder that slipped, or a delay)."""
+"""Signatures in the order of their columns: the declared loads, a constant torque, the whole torque, and its derivative
+by the shaft angle (a slipped encoder, or a delay)."""
 
 
 @dataclass(frozen=True)
 class TurnFeatures:
-    """Turns of the shaft, (t,) each, and what their residuals show.
+    """Turns of the shaft, (t,) each, and features of their residuals.
 
     Attributes:
         number: the turn. start_ns: stamp of its first sample. count: samples in it. speed_rad_s: its mean speed.
-        cut_off: how many of them lie at an end of the sensor's range, and tell nothing else.
+        cut_off: samples at an end of the sensor's range, which are not fitted.
         sizes: (t, 4) size of each signature of `KINDS`, as share of the load, N m, share of the torque, rad.
-        noise_Nm: (t,) scatter of what no signature takes. profile_Nm: (t, BINS) its mean by shaft angle, nan if none.
+        noise_Nm: (t,) scatter of the residual that no signature explains. profile_Nm: (t, BINS) its mean by shaft
+            angle, nan without samples.
         rms_Nm: of the whole residual. stuck: share of the torque samples equal to the one before.
         normal, right: (t, 4, 4) and (t, 4) of the least squares that gives the sizes, per sample.
     """
@@ -53,12 +54,12 @@ class TurnFeatures:
     right: FloatArray
 
     def where(self, kept: BoolArray | slice) -> TurnFeatures:
-        """Some of the turns."""
+        """Select some of the turns."""
         return TurnFeatures(**{name: getattr(self, name)[kept] for name in self.__dataclass_fields__})
 
     @staticmethod
     def joined(turns: Sequence[TurnFeatures]) -> TurnFeatures:
-        """Turns one after the other."""
+        """Join turns in order."""
         names = TurnFeatures.__dataclass_fields__
         return TurnFeatures(**{name: np.concatenate([getattr(each, name) for each in turns]) for name in names})
 
@@ -71,13 +72,13 @@ def turn_features(
     states: tuple[FloatArray, FloatArray, FloatArray],
     ends: RangeEnds,
 ) -> TurnFeatures:
-    """Features of every turn that measured samples (n,) belong to.
+    """Features of every turn of the measured samples (n,).
 
     Args:
         terms: parts of the machine's torque.
         settings: sensors as the machine declares them.
         stamps_ns, torque_Nm: measured torque.
-        states: the shaft's angle, speed and acceleration, direction and zero applied, where each sample speaks of.
+        states: angle, speed and acceleration of the shaft at each sample less the delay, direction and zero applied.
         ends: finds the torques at an end of their sensor's range.
     """
     theta, omega, alpha = states
@@ -86,7 +87,7 @@ def turn_features(
     torque = parts.total
     shifted = terms.at(theta + _PHASE_STEP, omega, alpha, rest).total
     slope = (shifted - torque) / _PHASE_STEP
-    # Where the load leaps, a side cannot be told and a slope means nothing.
+    # At a discontinuity of the load the side is uncertain and a slope is meaningless.
     good = np.isfinite(torque) & np.isfinite(torque_Nm) & ~terms.near_jump(theta, omega, 0.002, _JUMP_GUARD_RAD)
     good &= np.abs(omega) > rest
     whole = np.floor(theta / TURN).astype(np.int64)
@@ -129,7 +130,7 @@ def turn_features(
 
 
 def _mostly(cut: BoolArray, good: BoolArray, turn: IntArray) -> BoolArray:
-    """Samples (n,) of turns that lie at an end for the most part, as a sensor's that stands still."""
+    """Mask (n,) of the samples in turns that are mostly at an end, as with a frozen sensor."""
     of_turn = np.unique(turn, return_inverse=True)[1]
     return np.asarray((np.bincount(of_turn, cut) > 0.5 * np.bincount(of_turn, good))[of_turn])
 

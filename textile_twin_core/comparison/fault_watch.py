@@ -1,4 +1,4 @@
-"""Watch turns of a machine against what was learnt of it, and raise alarms, with hysteresis."""
+"""Watch over the turns of a machine: learn a band, compare with it, raise and clear alarms with hysteresis."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from textile_twin_core.comparison.fault_naming import OF_SAMPLES, SIDE, evidence
 from textile_twin_core.comparison.fault_signatures import TurnFeatures
 
 _GROWN, _TURNED = 2.0, 0.5
-"""Times its size at which a fault that stands is told again, and so many times the other way."""
+"""Growth of a standing fault, relative to its size, at which its alarm is repeated; the same with opposite sign."""
 _ALIKE = 4.0
-"""Standard deviations that the halves of some turns may differ by, to be alike."""
+"""Largest difference of the halves of a set of like turns, in standard deviations."""
 _MOST_KNOWN = 8
-"""Bands that are kept while alarms stand."""
+"""Most bands in memory while alarms stand."""
 
 
 @dataclass(frozen=True)
 class WatchSettings:
-    """How the watch is set.
+    """Settings of the watch.
 
     Attributes:
         learn_turns: turns from which the machine's own band is learnt.
-        memory_turns: turns over which the moving mean looks back.
-        raise_sigmas, clear_sigmas: an alarm comes above the one and goes below the other.
-        clear_turns: turns in a row below, until it goes.
-        evidence_turns: turns that are looked at before a fault is named.
-        settle_turns: turns alike after an alarm, from which on others are held against what holds since.
+        memory_turns: length of the moving mean in turns.
+        raise_sigmas, clear_sigmas: thresholds above which an alarm is raised and below which it is cleared.
+        clear_turns: turns in a row below the threshold before an alarm is cleared.
+        evidence_turns: turns examined before a fault is named.
+        settle_turns: like turns after an alarm that give the new band to compare with.
         least_share: smallest change of load, gain and of torques (share of the torque's size) worth an alarm.
-        least_phase_rad: smallest slip of the angle worth one.
+        least_phase_rad: smallest slip of the angle worth an alarm.
     """
 
     learn_turns: int = 100
@@ -50,11 +50,11 @@ class WatchSettings:
 
 @dataclass(frozen=True)
 class Alarm:
-    """A fault that set in.
+    """Alarm of a new fault.
 
     Attributes:
-        kind: what the evidence is (see `SERIES`). side: needle, drive or sensor. turn, stamp_ns: when it was raised.
-        size: of the change, in the unit of its kind. sigmas: how far outside the band. text: for a person.
+        kind: kind of the evidence (see `SERIES`). side: needle, drive or sensor. turn, stamp_ns: when it was raised.
+        size: of the change, in the unit of its kind. sigmas: distance from the band. text: for a person.
     """
 
     kind: str
@@ -68,12 +68,12 @@ class Alarm:
 
 @dataclass
 class FaultWatch:
-    """Takes turns in order; learns first, then watches. State lives between the calls.
+    """Watch over turns in their order: first learn a band, then compare with it. Keeps its state between calls.
 
-    The first evidence names a fault; what follows from it is not another. So once an alarm stands, turns are held
-    against what holds since then; it goes when the turns are again as learnt at first.
+    A fault is named once; its consequences are no new faults. So while an alarm stands, turns are compared with a
+    band learnt after it. The alarm is cleared when the turns agree with the first band.
 
-    torque_Nm: size of the machine's torque, for what is worth an alarm.
+    torque_Nm: size of the machine's torque; smallest changes worth an alarm are shares of it.
     """
 
     torque_Nm: float
@@ -81,10 +81,10 @@ class FaultWatch:
 
     def __post_init__(self) -> None:
         self._learning: list[TurnFeatures] = []
-        self._known: list[Departure] = []  # from the band learnt at first, and from those that held since each alarm
+        self._known: list[Departure] = []  # from the first band, and from the band after each alarm
         self._since: list[TurnFeatures] = []  # after the last alarm
-        self._settling = False  # what holds since is not known yet
-        self._calm: dict[str, int] = {}  # turns, by the kind of each fault that stands
+        self._settling = False  # the band after the last alarm is not learnt yet
+        self._calm: dict[str, int] = {}  # calm turns, by the kind of each standing fault
         self._told: dict[str, Alarm] = {}  # the last of each kind
         self._suspected = False
         self._evidence: list[TurnFeatures] = []
@@ -92,7 +92,7 @@ class FaultWatch:
 
     @property
     def learnt(self) -> bool:
-        """Whether the band is known."""
+        """True once the first band is learnt."""
         return len(self._learning) >= self.settings.learn_turns
 
     @property
@@ -102,25 +102,25 @@ class FaultWatch:
 
     @property
     def active(self) -> tuple[str, ...]:
-        """Kinds of faults that stand now."""
+        """Kinds of the standing faults."""
         return tuple(self._calm)
 
     @property
     def standing(self) -> tuple[Alarm, ...]:
-        """The alarms of the faults that stand now, in the order of `active`."""
+        """Alarms of the standing faults, in the order of `active`."""
         return tuple(self._told[kind] for kind in self._calm)
 
     @property
     def learnt_turns(self) -> TurnFeatures:
-        """The turns that went into the band, for `resume`; there is at least one once the watch has learnt."""
+        """Turns that went into the band, for `resume`; at least one once the watch has learnt."""
         return TurnFeatures.joined(self._learning)
 
     def resume(self, learnt: TurnFeatures, standing: Iterable[Alarm]) -> None:
-        """Go on where an earlier watch of the same settings stopped.
+        """Resume an earlier watch of the same settings.
 
         Args:
             learnt: its `learnt_turns`.
-            standing: its alarms that stood; as after an alarm, what holds since is learnt from the turns to come.
+            standing: its standing alarms; as after an alarm, a new band is learnt from the next turns.
         """
         self._learning = [learnt.where(slice(k, k + 1)) for k in range(learnt.number.size)]
         self._known = [self._departure(self._learning)]
@@ -129,7 +129,7 @@ class FaultWatch:
         self._settling = bool(self._calm)
 
     def take(self, turns: TurnFeatures) -> tuple[list[Alarm], FloatArray]:
-        """Take turns; the alarms that they raise, and (t, series) departures in sigmas (0 while learning)."""
+        """Take turns; return the alarms that they raise and departures (t, series) in sigmas, 0 while learning."""
         alarms: list[Alarm] = []
         rows = []
         for k in range(turns.number.size):
@@ -175,7 +175,7 @@ class FaultWatch:
             out &= np.array([name in OF_SAMPLES and name not in self._calm for name in SERIES])
         if not self._suspected:
             if out.any():
-                self._suspected = True  # the fault may have set in amid this turn, which shows it by half
+                self._suspected = True  # the fault may have begun within this turn, which then shows only part of it
             elif self._calm:
                 self._settle(turn)
             return
@@ -184,14 +184,14 @@ class FaultWatch:
             return
         kind, change = self._named(TurnFeatures.joined(self._evidence[-s.evidence_turns :]), against.band)
         if kind in ("profile", "noise") and len(self._evidence) < 2 * s.evidence_turns:
-            return  # a slipped encoder disturbs the shaft's motion for some turns; what lasts is named
+            return  # a slipped encoder disturbs the motion for some turns; only a lasting change is named
         evidence = TurnFeatures.joined(self._evidence)
         self._suspected, self._evidence = False, []
         if kind:
             self._tell(kind, change, evidence, against, alarms)
 
     def _named(self, recent: TurnFeatures, band: Band) -> tuple[str, float]:
-        """The fault that turns show; none where they are as they were before an alarm."""
+        """Name the fault that turns show; empty if they agree with a band from before an alarm."""
         for k, earlier in enumerate(self._known[:-1]):
             if is_held(recent, earlier.band, self._worth(earlier.band)):
                 self._go_back_to(k)
@@ -200,7 +200,7 @@ class FaultWatch:
         return ("", 0.0) if self._settling and kind not in OF_SAMPLES else (kind, change)
 
     def _tell(self, kind: str, change: float, evidence: TurnFeatures, against: Departure, alarms: list[Alarm]) -> None:
-        """Raise the alarm of a fault that is new, has grown or has turned round; then see what holds since."""
+        """Raise the alarm of a fault that is new, has grown or changed sign; then learn a new band."""
         speed = float(np.mean(evidence.speed_rad_s))
         speed_known = any(each.band.knows_speed(speed) for each in self._known)
         size = change
@@ -209,9 +209,9 @@ class FaultWatch:
             size += before
             grown = size / before
             raised = kind != "profile" and (grown >= _GROWN or grown <= -_TURNED)  # a profile's size has no sign
-            del self._known[max(1, len(self._known) - 1) :]  # what holds now takes its place
+            del self._known[max(1, len(self._known) - 1) :]  # the new band takes its place
         else:
-            # Beside an alarm another speed is reason enough for what its sensors' settings do there.
+            # While an alarm stands, another speed explains changes in the effect of the sensor settings.
             raised = speed_known or not self._calm or kind in OF_SAMPLES
         self._since, self._settling = [], True
         if not raised:
@@ -223,7 +223,7 @@ class FaultWatch:
         alarms.append(self._told[kind])
 
     def _settle(self, turn: TurnFeatures) -> None:
-        """Learn what holds while alarms stand: of the first turns that are alike, and better of more of them."""
+        """Learn the band while alarms stand, from the first like turns, and refine it with more of them."""
         s = self.settings
         if len(self._known) == 1 and not self._settling:
             return  # all is as learnt at first
@@ -243,12 +243,12 @@ class FaultWatch:
             self._known[-1] = self._departure(self._since)
 
     def _is_time(self, turns: int) -> bool:
-        """Whether so many turns tell more than those that were learnt from."""
+        """Return true if this number of turns gives a clearly better band than the last one."""
         learnt = self._known[-1].band.turns
         return learnt < self.settings.learn_turns and turns >= min(2 * learnt, self.settings.learn_turns)
 
     def _go_back_to(self, number: int) -> None:
-        """Hold turns against a band that was known before."""
+        """Return to an earlier band for comparison."""
         del self._known[number + 1 :]
         if number:
             self._known[number] = Departure(self._known[number].band, self.settings.memory_turns)
@@ -256,8 +256,8 @@ class FaultWatch:
 
 
 def _alike(rows: FloatArray, band: Band) -> bool:
-    """Whether turns (t, series) are alike: their halves differ by no more than single turns tell."""
+    """Return true if the two halves of turns (t, series) agree within the scatter of single turns."""
     half = rows.shape[0] // 2
-    own = np.median(np.abs(np.diff(rows, axis=0)), axis=0) / 0.954  # of neighbours, which a step leaves as they are
+    own = np.median(np.abs(np.diff(rows, axis=0)), axis=0) / 0.954  # between neighbours, insensitive to a step
     apart = np.abs(rows[:half].mean(axis=0) - rows[half:].mean(axis=0))
     return bool(np.all(apart < _ALIKE * np.maximum(own, band.sigma) * math.sqrt(2.0 / half)))

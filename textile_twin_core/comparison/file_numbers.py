@@ -20,14 +20,14 @@ from textile_twin_core.machine import Machine
 from textile_twin_core.machine.slots import write
 
 _JUDGED = 0.8
-"""Share of all work at which the verdict is there."""
+"""Share of all work at which the verdict is ready."""
 _UNKNOWN = 0.5
-"""Share of the prior's standard deviation from which the recording does not determine a number."""
+"""Posterior sigma, as a share of the prior's, above which the recording does not determine a number."""
 
 
 @dataclass(frozen=True)
 class FileNumbers:
-    """Numbers of a machine file as a recording shows them.
+    """Numbers of a machine file, estimated from a recording.
 
     Attributes:
         parameters: by path, given the tolerances of all other numbers.
@@ -35,7 +35,7 @@ class FileNumbers:
         nominal: by path, the file's values. unit: by path.
         not_identifiable: paths that this recording does not determine.
         machine: the machine with the estimated values.
-        notes: what a reader should know of the recording.
+        notes: remarks on the recording.
     """
 
     parameters: Mapping[str, Estimate]
@@ -61,17 +61,17 @@ class FileNumbers:
 
 
 def identify_numbers(readings: Readings, machine: Machine, paths: Sequence[str], begin: Begin = unheard) -> FileNumbers:
-    """Estimate numbers of the machine file, beside the sensors and friction that the recording determines.
+    """Estimate numbers of the machine file, together with the sensors and friction that the recording determines.
 
     Args:
         readings: The recording.
         machine: The machine of the file.
         paths: Paths into the machine file, such as `bodies.l3.mass_kg`.
-        begin: Hears of each stage.
+        begin: Called at each stage.
 
     Raises:
         SceneError: A path is no number on which the torque depends.
-        RecordingError: The recording tells nothing, or is of another machine.
+        RecordingError: The recording determines nothing, or is of another machine.
     """
     begin("judging", _JUDGED)
     assessment = assess(readings, machine)
@@ -83,7 +83,7 @@ def identify_numbers(readings: Readings, machine: Machine, paths: Sequence[str],
             raise RecordingError(f"nothing to identify: {cause.text}")
     posterior = assessment.found.posterior
     _check(posterior, machine, paths)
-    # What was named beside the paths stays free only among sensors and friction: the file's other numbers are known.
+    # Besides the paths only sensors and friction stay free; the file's other numbers count as known.
     free = settled_sensors(posterior, assessment.found.evidence.turns_both_ways()) - set(_file_numbers(posterior))
     settled = settle(posterior, free | set(paths))
     tolerant, exact = {}, {}
