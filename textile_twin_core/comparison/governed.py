@@ -1,4 +1,4 @@
-"""Whether the shaft's speed is governed: a torque that follows the speed tells no inertia from its own delay."""
+"""Detection of a speed-controlled drive, whose torque does not separate an inertia from its own delay."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ _FOLLOWS = 0.95
 
 
 def torque_by_speed(evidence: Evidence, delay_s: float) -> float:
-    """By how much the measured torque falls as the speed rises within turns [N m s]; 0 where it does not follow.
+    """Fall of the measured torque with the speed within turns [N m s]; 0 if the torque does not follow the speed.
 
-    As under a proportional controller or a slip: the torque is k (speed wanted - speed), and to come late by d acts as
-    an inertia of k d that is missing. Slopes on the track differ all the same, by the errors of its acceleration, and
-    least squares take these for information.
+    Under a proportional controller or a slip the torque is k (speed wanted - speed), and a delay d acts as a missing
+    inertia of k d. The slopes on the track still differ, but only by the errors of its acceleration, which least
+    squares would take for information.
     """
     theta, omega, _, good = evidence.track.at(evidence.time_s - delay_s)
     told, good = evidence.weighed(np.column_stack([theta, evidence.time_s, omega, evidence.torque_Nm]), good)

@@ -1,4 +1,4 @@
-"""Which parameters a record can separate: those whose effects on the torque look alike are found before any fit."""
+"""Choice of the parameters that a record can separate, made before the fit from their effects on the torque."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 
 MOST_INFLATION = 2e4
-"""Variance inflation factor (Belsley, Kuh and Welsch 1980) from which two effects count as the same."""
+"""Variance inflation factor (Belsley, Kuh and Welsch 1980) above which effects count as the same."""
 _NO_EFFECT = 1e-9
 
 
 @dataclass(frozen=True)
 class NotIdentifiable:
-    """A parameter that this record cannot tell, and why."""
+    """A parameter that this record does not determine, and the reason."""
 
     name: str
     text: str
@@ -25,11 +25,11 @@ class NotIdentifiable:
 def identifiable(
     jacobian: FloatArray, names: Sequence[str], given_up_first: Sequence[str]
 ) -> tuple[list[str], list[NotIdentifiable]]:
-    """The parameters that can be told together, and those given up so that they can.
+    """Return the parameters that are distinguishable together, and those dropped to make them so.
 
     Args:
         jacobian: (n, k) effects of the parameters on the measured torque. names: of its columns.
-        given_up_first: the order in which parameters are given up when their effects cannot be told apart.
+        given_up_first: the order in which parameters with indistinguishable effects are dropped.
     """
     kept, lost = list(names), list[NotIdentifiable]()
     sizes = dict(zip(names, np.sqrt(np.mean(jacobian**2, axis=0)).tolist(), strict=True))

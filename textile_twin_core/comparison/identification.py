@@ -1,4 +1,4 @@
-"""Identify: forces, friction, event angles, inertia and sensors of a machine from one recording."""
+"""Identification of forces, friction, event angles, inertia and sensors of a machine from one recording."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ from textile_twin_core.inference.robust import robust_scale
 from textile_twin_core.machine import Machine
 
 GIVEN_UP_FIRST = (OFFSET, ZERO, GAIN, "shaft_viscous_Nms", "added_inertia_kgm2", "free_force_N", DELAY)
-"""The order in which parameters are given up whose effects look the same."""
+"""The order in which parameters with indistinguishable effects are dropped."""
 _WRONG_FIRST = ("encoder_direction", "encoder_ratio", "angle_unit", "angle_rate", "torque_sign", "torque_unit")
 _ALL_SAMPLES = 40_000
 _FIRST_SPREAD_RAD, _WIDEST_RAD, _REACH_RAD = math.radians(0.12), math.radians(2.0), math.radians(1.0)
@@ -63,15 +63,15 @@ _JUDGED, _SOLVED = 0.4, ((0.6, 0.66), (0.85, 0.92))
 
 @dataclass(frozen=True)
 class Identification:
-    """What a recording tells of a machine.
+    """Parameters of a machine, identified from a recording.
 
     Attributes:
-        parameters: by name, those that were fitted. fixed: by name, those that stay as configured.
-        not_identifiable: those that this record cannot tell, with the reason.
+        parameters: fitted parameters by name. fixed: parameters that stay as configured, by name.
+        not_identifiable: parameters that this record does not determine, with the reason.
         spread_rad: angle over which the backing's force sets in (standard deviation).
-        rms_before_Nm, rms_after_Nm: residual of the machine as configured, and with all that was found.
-        unmodelled: torque by shaft angle that is left over, with its band. machine: the machine with what was found.
-        notes: what a reader should know of the recording (gaps), and why parameters could not be told.
+        rms_before_Nm, rms_after_Nm: residual of the machine as configured, and with all estimates.
+        unmodelled: residual torque by shaft angle, with its band. machine: the machine with all estimates.
+        notes: remarks on the recording (gaps), and reasons why parameters are not identifiable.
     """
 
     parameters: Mapping[str, Estimate]
@@ -103,14 +103,14 @@ class Identification:
 
 
 def identify(readings: Readings, machine: Machine, begin: Begin = unheard) -> Identification:
-    """Fit the parameters that the record can tell.
+    """Fit the parameters that the record determines.
 
-    Effects are checked before anything is solved (see `identifiable`); the smooth parameters are then solved together
-    (see `smooth_fit`), event angles by the likelihood of the samples beside them. Intervals by `uncertainty_by_turns`.
-    `begin` hears of each stage.
+    Effects are checked before any fit (see `identifiable`); then the smooth parameters are fitted together (see
+    `smooth_fit`), and event angles by the likelihood of the samples beside them. Intervals by `uncertainty_by_turns`.
+    `begin` is called at each stage.
 
-    Raises RecordingError when the recording tells nothing, is of another machine, or a sensor's discrete setting
-    (direction, ratio, unit, sign) is wrong, which `calibrate` settles.
+    Raises RecordingError when the recording determines nothing, is of another machine, or a sensor's discrete setting
+    (direction, ratio, unit, sign) is wrong, which `calibrate` corrects.
     """
     begin("judging", _JUDGED)
     found, notes = _settled(readings, machine)
@@ -156,7 +156,7 @@ def identify(readings: Readings, machine: Machine, begin: Begin = unheard) -> Id
 
 
 def _settled(readings: Readings, machine: Machine) -> tuple[Judged, tuple[str, ...]]:
-    """The record explained and what is to be said of it, when its sensors' discrete settings are right.
+    """Return the judged record and its notes, provided that its sensors' discrete settings are right.
 
     Raises RecordingError.
     """
@@ -167,7 +167,7 @@ def _settled(readings: Readings, machine: Machine) -> tuple[Judged, tuple[str, .
     for cause in assessment.verdict:
         if cause.cause in _WRONG_FIRST:
             raise RecordingError(f"{cause.text}: settle the sensors first with textile-twin calibrate")
-        # Less than this a force or an angle that is to be identified may leave.
+        # A force or an angle that is still to be identified may leave this much unexplained.
         if cause.cause == "other_machine" and found.unexplained > _LEFT_BY_LOADS:
             raise RecordingError(f"nothing to identify: {cause.text}")
     return found, assessment.notes
@@ -180,7 +180,7 @@ def _near(angle: float, other: float) -> float:
 def _tellable(
     model: TorqueModel, values: Mapping[str, float], found: Judged
 ) -> tuple[tuple[str, ...], list[NotIdentifiable]]:
-    """What the record can tell, judged by the effects before anything is solved."""
+    """Choose the identifiable parameters from their effects on the torque, before any fit."""
     names = list(model.names)
     lost = []
     if found.evidence.track.at_one_speed:
@@ -204,7 +204,7 @@ def _tellable(
 
 
 def _steady(readings: Readings, machine: Machine, evidence: Evidence) -> ShaftTrack:
-    """The motion that repeats or changes slowly, of which the errors of single readings are no part."""
+    """Estimate the part of the motion that repeats or changes slowly, without the errors of single readings."""
     encoder, track = machine.sensors.encoder, evidence.track
     excess = None
     if not encoder.teeth:
@@ -216,9 +216,9 @@ def _steady(readings: Readings, machine: Machine, evidence: Evidence) -> ShaftTr
 def _solve(
     model: TorqueModel, clean: tuple[ShaftTrack, ...], values: dict[str, float], free: tuple[str, ...], begin: Begin
 ) -> tuple[dict[str, float], dict[str, EventAngle], SmoothFit, list[FloatArray]]:
-    """Smooth parameters away from the events, and events from the samples beside them, in turns.
+    """Fit in alternation the smooth parameters away from the events, and the events from the samples beside them.
 
-    And by how much (k,) the smooth ones move with instruments on each of the other tracks.
+    Also return the moves (k,) of the smooth parameters with instruments on each of the other tracks.
     """
     names = [name for name in EVENTS if name in free]
     smooth = tuple(name for name in free if name not in EVENTS)
@@ -248,30 +248,30 @@ def _solve(
 
 
 def _spread(events: Mapping[str, EventAngle]) -> float:
-    """The widest angle over which a force sets in."""
+    """Widest angle over which a force sets in."""
     return max((event.spread_rad for event in events.values()), default=0.0)
 
 
 def _scan(beside: BesideEvent, spread_rad: float) -> float:
-    """The shift of least absolute error."""
+    """Shift of least absolute error."""
     shifts = np.linspace(-_SCAN_RAD, _SCAN_RAD, 401)
     return float(shifts[np.argmin([beside.error(float(shift), spread_rad) for shift in shifts])])
 
 
 def _beside(spread_rad: float) -> float:
-    """How far from an event its spread decides [rad], the model's own spread included."""
+    """Distance from an event [rad] within which its spread matters, the model's own spread included."""
     return 3.0 * spread_rad + 4.0 * _FIRST_SPREAD_RAD
 
 
 def _phase_sigma(names: tuple[str, ...], covariance: FloatArray, speed: float) -> float:
-    """Standard deviation of the shaft angle at working speed that zero and delay leave [rad]."""
+    """Standard deviation of the shaft angle at working speed due to zero and delay [rad]."""
     told = {ZERO: -1.0, DELAY: -speed}
     weigh = np.array([told.get(name, 0.0) for name in names])
     return math.sqrt(max(float(weigh @ covariance @ weigh), 0.0))
 
 
 def _with_phase(value: float, event: EventAngle, phase: float) -> Estimate:
-    """An event's angle, uncertain by its own samples and by the shaft's angle."""
+    """Angle of an event, with the uncertainty of its own samples and of the shaft's angle."""
     shift = event.shift
     wider = float(np.hypot(shift.sigma, phase)) / shift.sigma
     low, high = (value + wider * (end - shift.value) for end in shift.interval95)
@@ -279,7 +279,7 @@ def _with_phase(value: float, event: EventAngle, phase: float) -> Estimate:
 
 
 def _bounded(name: str, found: Estimate) -> Estimate:
-    """An interval that keeps to what the parameter can be."""
+    """Clip the interval to the admissible values of the parameter."""
     if name not in NOT_NEGATIVE:
         return found
     low, high = found.interval95

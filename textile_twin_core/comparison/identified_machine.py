@@ -1,4 +1,4 @@
-"""A machine with what was identified written into its declaration."""
+"""Machine declarations with identified values."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from textile_twin_core.twin import compile_machine
 
 
 def identified_machine(machine: Machine, values: Mapping[str, float], free: Sequence[str]) -> Machine:
-    """The machine with its loads, inertia and sensors as identified; what was not free stays as declared.
+    """Return the machine with the identified loads, inertia and sensors; fixed parameters stay as declared.
 
-    An inertia below the declared one cannot be declared, since inertias are not negative; it is left out.
+    A negative added inertia is left out, since a declared inertia cannot be negative.
     """
     loads: list[Load] = []
     for load in machine.loads:
@@ -41,7 +41,7 @@ def identified_machine(machine: Machine, values: Mapping[str, float], free: Sequ
 
 
 def with_table(machine: Machine, torque: UnmodelledTorque) -> Machine:
-    """The machine with a torque that nobody modelled as a load: what the drive must give, the load takes.
+    """Return the machine with the unmodelled torque as an additional load: the drive gives what the load takes.
 
     Raises RecordingError for a torque over several turns, which no load of a machine can be.
     """

@@ -1,4 +1,4 @@
-"""Check what is to be compared: shapes, stamps, values that are numbers."""
+"""Checks of the arrays to be compared: shapes, stamps, finite values."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from textile_twin_core.errors import AlignmentError
 
 @dataclass(frozen=True, slots=True)
 class Predictions:
-    """Usable predictions, (n,) each, and how many were not usable."""
+    """Usable predictions, (n,) each, and the number of those dropped."""
 
     stamps_ns: IntArray
     torque_Nm: FloatArray
@@ -77,7 +77,7 @@ def _floats(values: FloatArray, n: int, which: str) -> FloatArray:
 
 
 def _increasing(stamps_ns: IntArray) -> BoolArray:
-    """Which stamps are later than every one before them."""
+    """Return true for the stamps that are later than all before them."""
     good = np.ones(stamps_ns.size, dtype=np.bool_)
     good[1:] = stamps_ns[1:] > np.maximum.accumulate(stamps_ns)[:-1]
     return good

@@ -1,4 +1,4 @@
-"""Leaps of the shaft's angle that no shaft makes, found in its track, and the parts between them."""
+"""Slips of the encoder, detected as discontinuities of the shaft's track, and the parts between them."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.comparison.shaft_track import ShaftTrack
 
 _LEAST_RAD = 0.02
-"""By so much the angle moves beyond what the speeds on either side make of it, or it does not leap."""
+"""Smallest slip: change of the angle beyond that by the speeds on either side."""
 _LATE = 5
-"""Readings beside a leap that belong to neither part."""
+"""Readings beside a slip that belong to neither part."""
 
 
 def leaps_of(track: ShaftTrack) -> FloatArray:
-    """(n - 1,) by how much the angle leaps from each state to the next [rad]; 0 where it does not, and over gaps.
+    """Slip of the angle (n - 1,) from each state to the next [rad]; 0 without a slip, and over gaps.
 
-    Where the encoder slips the estimator lets the angle follow and keeps the speed: the two then disagree.
+    When the encoder slips, the estimator follows the angle but keeps the speed, so that the two disagree.
     """
     if track.leaps == 0:
         return np.zeros(max(track.time_s.size - 1, 0))
@@ -29,9 +29,9 @@ def leaps_of(track: ShaftTrack) -> FloatArray:
 
 
 def without_turns(track: ShaftTrack, encoder_turn_rad: float) -> ShaftTrack:
-    """The track without leaps by whole turns of the encoder, `encoder_turn_rad` of the shaft each.
+    """Remove slips by whole turns of the encoder, of shaft angle `encoder_turn_rad` each, from the track.
 
-    An angle that begins anew without having been seen to do so, as after one in another unit, makes one each turn.
+    A wrapped angle that was not recognised as such, as after one in another unit, slips once a turn.
     """
     leaps = leaps_of(track)
     turns = np.rint(leaps / encoder_turn_rad)
@@ -44,9 +44,9 @@ def without_turns(track: ShaftTrack, encoder_turn_rad: float) -> ShaftTrack:
 
 
 def parts_between(track: ShaftTrack) -> list[tuple[float, float]]:
-    """First and last time [s] of the parts of a track in which its angle does not leap.
+    """First and last times [s] of the parts of a track between its slips.
 
-    A slip is known some readings late, so the ones beside it belong to neither part.
+    A slip is detected some readings late, so the readings beside it belong to neither part.
     """
     at = np.flatnonzero(leaps_of(track))
     first = np.concatenate([[0], np.minimum(at + 1 + _LATE, track.time_s.size - 1)])

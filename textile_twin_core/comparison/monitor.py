@@ -1,4 +1,4 @@
-"""Monitor a machine: angles and torque in, as they come or from a file; turns, alarms and trends out."""
+"""Monitor of a machine, live or from a file: angles and torque in; turns, alarms and trends out."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _BLOCK = 8192
 
 @dataclass(frozen=True)
 class Trend:
-    """Turns that were watched, by column, (t,) each, the alarms they raised, and what a person should know of them."""
+    """Watched turns, by column, (t,) each, the alarms they raised, and notes for a person."""
 
     columns: Mapping[str, FloatArray | IntArray]
     alarms: tuple[Alarm, ...]
@@ -39,11 +39,11 @@ class Trend:
 
 
 class Monitor:
-    """Watches a machine while samples come; the same from a live topic and from a recording.
+    """Monitor of a machine while samples come, with equal results from a live topic and from a recording.
 
     Args:
-        machine: with its sensors settled (see `calibrate`).
-        settings: how the watch is set.
+        machine: with calibrated sensors (see `calibrate`).
+        settings: settings of the watch.
         shaft: estimator of the shaft's motion, causal or lag; smooth for a recording, all at once.
     """
 
@@ -63,7 +63,7 @@ class Monitor:
     def add_angles(
         self, stamps_ns: npt.ArrayLike, angles_rad: npt.ArrayLike, velocities: npt.ArrayLike | None = None
     ) -> None:
-        """Take encoder angles (n,) as messages hold them."""
+        """Take encoder angles (n,) as logged."""
         speeds = None if velocities is None else np.asarray(velocities, np.float64) * self._ratio
         angles = np.asarray(angles_rad, np.float64) * self._ratio
         self._take_states(self._estimator.step(np.asarray(stamps_ns, np.int64), angles, speeds))
@@ -73,13 +73,13 @@ class Monitor:
         self._torque.append((np.asarray(stamps_ns, np.int64), np.asarray(torque_Nm, np.float64)))
 
     def finish(self) -> Trend:
-        """The turns that are left once no more samples come."""
+        """Watch the last turns, after the last sample."""
         self._take_states(self._estimator.finish())
         return self.advance(last=True)
 
     @property
     def report(self) -> SampleReport:
-        """What became of the angles since the start or the last restart."""
+        """Counts of accepted and rejected angles since the start or the last restart."""
         return self._estimator.report
 
     @property
@@ -91,14 +91,14 @@ class Monitor:
         return self._origin_ns + round(time_s * 1e9), theta
 
     def restart(self) -> None:
-        """Go on where time was set back: what is learnt stays, samples that wait for the end of their turn go."""
+        """Restart after time was set back: keep the learnt band, drop the samples of incomplete turns."""
         self._estimator.reset()
         self._states.clear()
         self._torque.clear()
         self._origin_ns = None
 
     def advance(self, last: bool = False) -> Trend:
-        """Watch the turns that are complete by now: their trend and their alarms."""
+        """Watch the turns completed by now; return their trend and alarms."""
         trend = self._advance(last)
         self._let_go()
         return trend
@@ -117,7 +117,7 @@ class Monitor:
         s = self._settings
         states = s.direction * theta - s.zero_rad, s.direction * omega, s.direction * alpha
         ready = good
-        if not last:  # turns are complete that the shaft has left behind, whichever way it and its encoder count
+        if not last:  # complete turns are those that the shaft has left, in either direction
             sense = s.direction * math.copysign(1.0, rows[-1, 1] - rows[0, 1])
             present = float(np.floor((s.direction * rows[-1, 1] - s.zero_rad) / TURN))
             ready = good & (sense * np.floor(states[0] / TURN) < sense * present)
@@ -147,7 +147,7 @@ class Monitor:
             self._states.append(rows[usable])
 
     def _forget(self, until_s: float, stamps: IntArray, torque: FloatArray) -> None:
-        """Drop what belongs to turns that were watched."""
+        """Drop the samples of watched turns."""
         assert self._origin_ns is not None
         rows = np.concatenate(self._states)
         keep = rows[:, 0] > until_s - 1.0
@@ -156,7 +156,7 @@ class Monitor:
         self._torque = [(stamps[late], torque[late])]
 
     def _let_go(self) -> None:
-        """Hold a minute at most where no turn ends: the shaft stands, or one of the sensors is silent."""
+        """Keep at most a minute of samples while no turn ends: at standstill, or with a silent sensor."""
         newest_ns: int | None = None
         if self._states and self._origin_ns is not None:
             rows = np.concatenate(self._states)
@@ -179,9 +179,9 @@ def monitor_recording(
     settings: WatchSettings | None = None,
     progress: Callable[[int], object] | None = None,
 ) -> Trend:
-    """Watch a whole recording: learn from its first turns, watch the rest.
+    """Watch a whole recording: learn from its first turns, then watch the others.
 
-    `progress` is called with numbers of angles as they are taken, and again when all of them have been watched.
+    `progress` is called with the number of angles taken, and again when all of them have been watched.
     """
     monitor = Monitor(machine, settings, "smooth")
     monitor.add_torques(*usable_measurements(readings.torque_stamps_ns, readings.torque)[:2])
@@ -198,10 +198,10 @@ def monitor_recording(
 
 
 def _whole(found: TurnFeatures) -> TurnFeatures:
-    """Without turns that hold too few samples to be one; the first and last only if the shaft turned through them."""
+    """Drop turns with too few samples; keep the first and last only if the shaft turned through them."""
     if not found.number.size:
         return found
-    way = found.count * np.abs(found.speed_rad_s)  # samples come by time, so part of a slow turn holds many
+    way = found.count * np.abs(found.speed_rad_s)  # part of a slow turn may hold many samples
     usual = float(np.median(way))
     kept = (found.count >= FEWEST_TORQUES_PER_TURN) & (way >= 0.2 * usual)
     kept[0] &= way[0] > 0.8 * usual

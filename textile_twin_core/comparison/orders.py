@@ -147,7 +147,7 @@ def order_map(
         The map, with amplitudes in the unit of the signal.
 
     Raises:
-        RecordingError: the shaft does not make enough turns one way without a gap.
+        RecordingError: the shaft does not make enough turns in one direction without a gap.
 
     Example:
         >>> time = np.arange(20_000) / 1000.0
@@ -194,7 +194,7 @@ def order_map(
 
 
 def _filled(time_s: FloatArray, theta_rad: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """The finite samples, at equal steps of time: short holes are filled by interpolation, long ones stay."""
+    """Resample the finite samples at equal steps of time; interpolate short gaps, leave long ones."""
     finite = np.isfinite(theta_rad) & np.isfinite(values)
     time, theta, signal = time_s[finite], theta_rad[finite], values[finite]
     if time.size < 2:
@@ -234,7 +234,7 @@ def _highest_order(theta_rad: FloatArray) -> float:
 def _decimated(
     time_s: FloatArray, theta_rad: FloatArray, values: FloatArray, max_order: float | None
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """A run with as few samples as show twice the highest order asked for."""
+    """Decimate a run to the fewest samples that resolve twice the highest order."""
     factor = 1 if max_order is None else int(_highest_order(theta_rad) / (2.0 * max_order))
     if factor < 2:
         return time_s, theta_rad, values

@@ -1,4 +1,4 @@
-"""How well any torque that repeats with the shaft's angle could explain a record: a bound for every machine."""
+"""Bound on the explained share of a record by any torque that is periodic in the shaft's angle."""
 
 from __future__ import annotations
 

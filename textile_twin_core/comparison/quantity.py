@@ -1,4 +1,4 @@
-"""A measured travel, angle or speed of a point or link against the machine's: scale, delay, zero, what is left."""
+"""Comparison of a measured travel, angle or speed with the machine's: scale, delay, zero and residual."""
 
 from __future__ import annotations
 
@@ -25,11 +25,12 @@ _LONGEST_DELAY_S = 1.0
 _FEWEST = 64
 _STEPS = {"zero_rad": 1e-5, "delay_s": 1e-6}
 _GUARD_S = 0.001
-"""Samples this near to a leap of the quantity cannot tell its side."""
+"""Samples this close to a discontinuity of the quantity may lie on either side of it."""
 _LEAP = 1e-4
 _BESIDE_RAD = 1e-7
 _TELLS, _CONSTANT = 1e-6, 1e-9
-"""A slope over the angle that varies less, as a share, tells no zero; a quantity that varies less is constant."""
+"""Relative variation of the slope over the angle below which it determines no zero; relative variation below which a
+quantity is constant."""
 _COARSE_SAMPLES = 4000
 _TURNING_SHARE = 0.1  # of the fast end of the recorded speeds
 _UNITS = {
@@ -40,7 +41,7 @@ _UNITS = {
 
 
 def shown_unit(name: str) -> tuple[str, float]:
-    """The unit in which people read an output of this name, and its factor from SI."""
+    """Return the unit in which an output of this name is displayed, and its factor from SI."""
     return next((shown for ending, shown in _UNITS.items() if name.endswith(ending)), ("", 1.0))
 
 
@@ -61,13 +62,13 @@ class QuantityComparison:
 
     Attributes:
         name: of the output. scale, offset, delay_s: as fitted. zero_rad: in shaft angle, beside the machine file's.
-        rms: what is left. rms_as_told: with scale 1, no delay, the machine file's zero, and the best offset.
-        explained: share of the mean square about the mean. measured_range, machine_range: highest less lowest, the
-            measured one as the fit says, without its noise; over a turn at speed_rad_s, the shaft's usual speed.
-        one_speed: zero and delay cannot be told apart; all of it is taken as delay.
-        at_rest: samples left out since the shaft rests, where dry friction may be anything up to its size, in a
-            quantity that depends on it; 0 for others, in which rests count.
-        time_s, measured, expected, theta_rad: (k,) the samples that could be used.
+        rms: residual. rms_as_told: residual with scale 1, no delay, the machine file's zero, and the best offset.
+        explained: share of the mean square about the mean. measured_range, machine_range: highest less lowest over a
+            turn at speed_rad_s, the shaft's usual speed; the measured one from the fit, without noise.
+        one_speed: zero and delay are not distinguishable; their sum is stated as a delay.
+        at_rest: samples at standstill, left out of a quantity with dry friction, which is then indeterminate;
+            0 for other quantities, whose samples at standstill count.
+        time_s, measured, expected, theta_rad: (k,) the usable samples.
     """
 
     name: str
@@ -89,14 +90,14 @@ class QuantityComparison:
     theta_rad: FloatArray
 
     def to_json(self) -> dict[str, Any]:
-        """The numbers as one object."""
+        """Return the numbers as one object."""
         told = {name: each for name, each in asdict(self).items() if not isinstance(each, np.ndarray)}
         out: dict[str, Any] = plain({"quantity": told.pop("name"), **told, "samples": self.time_s.size})
         return out
 
 
 class _Model:
-    """The machine's quantity at the instants of the samples; slower than `rest_rad_s` the shaft does not tell it."""
+    """The machine's quantity at the instants of the samples; not known where the shaft is slower than `rest_rad_s`."""
 
     def __init__(
         self,
@@ -114,7 +115,7 @@ class _Model:
         self._leaps = [e.angle_rad for e in twin.machine.events() if _leaps(twin, name, e.angle_rad)]
 
     def at(self, zero_rad: float, delay_s: float) -> tuple[FloatArray, FloatArray, BoolArray]:
-        """Quantity, shaft angle, and where both are known."""
+        """Return the quantity, the shaft angle, and a mask of the samples where both are known."""
         theta, omega, alpha, good = self._track.at(self._time - delay_s)
         theta = self.direction * theta - self._zero - zero_rad
         found = self._twin.evaluate(theta, self.direction * omega, self.direction * alpha)[self._name]
@@ -122,7 +123,7 @@ class _Model:
         return quantity, theta, good & np.isfinite(quantity) & (np.abs(omega) >= self._rest_rad_s)
 
     def clear(self, zero_rad: float, delay_s: float) -> BoolArray:
-        """Which samples stand clear of the leaps, such as those of a reaction where the needle meets the backing."""
+        """Return true for the samples away from discontinuities, such as a reaction's at the needle's entry."""
         theta, omega, _, _ = self._track.at(self._time - delay_s)
         theta, clear = self.direction * theta - self._zero - zero_rad, np.ones(theta.size, np.bool_)
         for leap in self._leaps:
@@ -131,12 +132,12 @@ class _Model:
 
 
 def compare_quantity(trace: Trace, machine: Machine, name: str) -> QuantityComparison:
-    """Hold a measured quantity against the machine's output of that name.
+    """Compare a measured quantity with the machine's output of that name.
 
     Zeros around the turn are tried with scale and offset solved for; from the best one all four are fitted by least
     squares with Huber's loss. Intervals by `uncertainty_by_turns`.
 
-    Raises RecordingError when there are too few samples, less than a turn, or a quantity that does not vary.
+    Raises RecordingError with too few samples, less than a turn, or a constant quantity.
     """
     encoder = machine.sensors.encoder
     origin = int(trace.angle_stamps_ns[0])
@@ -170,7 +171,7 @@ def compare_quantity(trace: Trace, machine: Machine, name: str) -> QuantityCompa
         values["zero_rad"], values["delay_s"] = _start(coarse, measured[few], _usual_speed(track), one_speed)
         free = free if one_speed else (*free, "zero_rad")
     values = _fit(model, measured, values, free)
-    # A step of all at once may end at a leap; scale and offset have nothing to do with it.
+    # The common step may stop at a discontinuity; scale and offset are then fitted alone.
     values = _fit(model, measured, values, ("scale", "offset"))
     quantity, theta, good = model.at(values["zero_rad"], values["delay_s"])
     expected = values["scale"] * quantity + values["offset"]
@@ -225,10 +226,10 @@ def _line(quantity: FloatArray, measured: FloatArray) -> tuple[float, float]:
 
 
 def _start(model: _Model, measured: FloatArray, speed_rad_s: float, one_speed: bool) -> tuple[float, float]:
-    """Zero [rad] and delay [s] to begin with: zeros around the turn, delays within half a turn, and what lies beside.
+    """Search the start values of zero [rad] and delay [s]: zeros around the turn, delays within half a turn.
 
-    At one speed all of it is a delay: what lags is rather the camera than the encoder's zero. What lies beside is
-    searched by steps that are halved, since the slopes of a quantity that leaps lead nowhere.
+    At one speed their sum is taken as a delay, since a lagging camera is more likely than a wrong zero. The search
+    refines by halved steps, not by slopes, which a discontinuous quantity does not have.
     """
     zeros = TURN * np.arange(_ZEROS) / _ZEROS
     best = min((_left(model, measured, zero, 0.0), zero, 0.0) for zero in zeros.tolist())
@@ -240,7 +241,7 @@ def _start(model: _Model, measured: FloatArray, speed_rad_s: float, one_speed: b
     else:
         longest = min(_LONGEST_DELAY_S, 0.5 * TURN / abs(speed))
         lates, step_s = np.linspace(-longest, longest, 2 * _DELAYS + 1, retstep=True)
-        # the zero goes along, so that the phase at the usual speed stays
+        # the zero changes too, so that the phase at the usual speed stays
         tried = ((best[1] - speed * late, late) for late in lates.tolist())
         best = min(best, *((_left(model, measured, *each), *each) for each in tried))
     for _ in range(_HALVINGS):
@@ -258,7 +259,7 @@ def _start(model: _Model, measured: FloatArray, speed_rad_s: float, one_speed: b
 
 
 def _left(model: _Model, measured: FloatArray, zero_rad: float, delay_s: float) -> float:
-    """Mean square left at a zero and a delay; a mirrored trace is no candidate, nor one that few samples tell."""
+    """Mean square of the residual at a zero and a delay; infinite for a mirrored trace or with few samples."""
     quantity, _, good = model.at(zero_rad, delay_s)
     if 2 * np.count_nonzero(good) < good.size:
         return math.inf
@@ -295,7 +296,7 @@ def _fit(model: _Model, measured: FloatArray, start: dict[str, float], free: tup
 
 
 def _slopes(model: _Model, values: dict[str, float], free: tuple[str, ...]) -> FloatArray:
-    """(m, k) derivatives of the expected quantity by the free values."""
+    """Derivatives (m, k) of the expected quantity by the free values."""
     quantity, _, _ = model.at(values["zero_rad"], values["delay_s"])
     columns = []
     for name in free:
@@ -316,21 +317,21 @@ def _over_a_turn(twin: Twin, name: str, omega_rad_s: float) -> FloatArray:
 
 
 def _usual_speed(track: ShaftTrack) -> float:
-    """Median speed [rad/s] of a shaft while it turns: velocities and accelerations grow with it."""
+    """Median speed [rad/s] of a shaft while it turns."""
     omega = track.omega_rad_s
     return float(np.median(omega[np.abs(omega) > _TURNING_SHARE * track.fast_rad_s]))
 
 
 def _leaps(twin: Twin, name: str, angle_rad: float) -> bool:
-    """Whether a quantity leaps at an angle of the shaft."""
+    """Return true if a quantity is discontinuous at an angle of the shaft."""
     low, high = (float(twin.evaluate(angle_rad + side * _BESIDE_RAD, 1.0, 0.0)[name]) for side in (-1.0, 1.0))
     return abs(high - low) > _LEAP * float(np.ptp(_over_a_turn(twin, name, 1.0)))
 
 
 def _depends_on_sense(twin: Twin, name: str) -> bool:
-    """Whether dry friction is in a quantity: then it has two values at rest, one for each sense of rotation.
+    """Return true if a quantity contains dry friction: at standstill it has a value for each sense of rotation.
 
-    They differ by more than rounding beside what the quantity is at a speed; a velocity is none of its own there.
+    The two values differ by more than rounding, relative to the quantity at speed.
     """
     theta = TURN * np.arange(720) / 720
     forward, back = (twin.evaluate(theta, negligible_speed(np.full(720, way)), 0.0)[name] for way in (1.0, -1.0))
@@ -339,14 +340,14 @@ def _depends_on_sense(twin: Twin, name: str) -> bool:
 
 
 def _tells_zero(model: _Model) -> bool:
-    """Whether the quantity depends on the shaft's angle otherwise than by a constant slope, which is an offset."""
+    """Return true if the quantity is not linear in the shaft's angle, where a zero would act as an offset."""
     (slope,) = _slopes(model, {"scale": 1.0, "offset": 0.0, "zero_rad": 0.0, "delay_s": 0.0}, ("zero_rad",)).T
     quantity, _, good = model.at(0.0, 0.0)
     return bool(np.ptp(slope[good]) > _TELLS * (np.abs(slope[good]).max() + np.ptp(quantity[good])))
 
 
 def _check_machine(model: _Model, name: str) -> None:
-    """Raise RecordingError where the machine's quantity stays what it is."""
+    """Raise RecordingError if the machine's quantity is constant."""
     quantity, _, good = model.at(0.0, 0.0)
     if np.ptp(quantity[good]) <= _CONSTANT * np.abs(quantity[good]).max():
         raise RecordingError(

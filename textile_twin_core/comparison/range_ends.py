@@ -1,4 +1,4 @@
-"""Torques at an end of their sensor's range, or of the drive that tells them: there the true torque is not known."""
+"""Torques at an end of the range of their sensor or drive, where the true torque is unknown."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ import numpy as np
 from textile_twin_core.arrays import BoolArray, FloatArray
 
 _FEWEST_VALUES = 200
-"""Of a sensor with coarser steps a torque that stays within one looks like an end."""
+"""Fewest different values: with coarser steps a nearly constant torque would look like an end."""
 _SHARE = 0.005
 _OFTEN = 10.0
 _LOOKS_BACK = 20_000
-"""Torques before those of the moment that tell with them what the ends are."""
+"""Number of earlier torques that are used, with the newest ones, to find the ends."""
 
 
 def at_range_ends(torque_Nm: FloatArray) -> BoolArray:
-    """Where torques (n,) of a turning shaft are exactly the smallest or largest one, far oftener than any other.
+    """Return true for torques (n,) of a turning shaft that equal an extreme value which occurs far too often.
 
-    The exact value comes at least ten times as often as each between, and makes half a percent of the samples.
+    The extreme value occurs at least ten times as often as each other one, and in half a percent of the samples.
     """
     values, place, count = np.unique(torque_Nm, return_inverse=True, return_counts=True)
     if values.size < _FEWEST_VALUES:
@@ -27,14 +27,14 @@ def at_range_ends(torque_Nm: FloatArray) -> BoolArray:
 
 
 class RangeEnds:
-    """Finds torques at an end of their range as they come; values_Nm are the ends that were found last."""
+    """Running search for torques at an end of their range; values_Nm are the latest ends."""
 
     def __init__(self) -> None:
         self._before = np.empty(0)
         self.values_Nm = np.empty(0)
 
     def find(self, torque_Nm: FloatArray) -> BoolArray:
-        """As `at_range_ends`, of torques (n,) and those that came before."""
+        """Apply `at_range_ends` to torques (n,) and those before them."""
         seen = np.concatenate([self._before, torque_Nm])
         self._before = seen[-_LOOKS_BACK:]
         at_ends = at_range_ends(seen)
@@ -43,7 +43,7 @@ class RangeEnds:
 
 
 def range_end_note(count: int, ends_Nm: FloatArray, without: str) -> str:
-    """What is told of so many torques at ends; `without`: what is without them."""
+    """Note on a number of torques at ends; `without` names the results that leave them out."""
     ends = " and ".join(f"{end:g}" for end in ends_Nm)
     return (
         f"{count} samples of torque are exactly {ends} N m, as at the end of the range of a sensor or drive: {without}"

@@ -1,4 +1,4 @@
-"""What was logged, looked at before any model: in which unit the angle is, how often it comes, what is missing."""
+"""Logged readings before any model: unit of the angle, samples per turn, gaps."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ if TYPE_CHECKING:
     from textile_twin_core.comparison.stamp_timing import StampTiming
 
 FEWEST_TURNS = 1.0
-"""Turns of the shaft without which nothing can be told of the settings."""
+"""Fewest turns of the shaft that determine any setting."""
 _FEWEST = 16
-"""Samples without which nothing is compared."""
+"""Fewest samples for a comparison."""
 ANGLE_TURNS = {"rad": TURN, "deg": 360.0, "rev": 1.0, "gon": 400.0}
-"""What a turn counts in each unit that an angle may be told in."""
+"""Size of a turn in each unit of an angle."""
 _NAMES = {"rad": "radians", "deg": "degrees", "rev": "revolutions", "gon": "gradians"}
 _NEAR = 0.03
 _MANY, _COUNTS = 5, 2.0
-"""So many turns show all of an encoder's counts, where neither steps nor leaps are off by more than so many counts."""
+"""Fewest turns that show all counts of an encoder, and the largest error of its steps and wraps in counts."""
 _OFTEN = 2
-"""An angle that begins anew once may have been set back."""
+"""Fewest wraps that show a unit: a single one may be a reset of the encoder."""
 _MOST, _ALIKE = 0.7, 0.1
-"""Of the leaps of an angle that begins anew each turn at least so many lie so near their median, as a part of it."""
+"""Share of the wraps that must lie near their median, and the largest relative distance from it."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Readings:
     """One recording: angles (n,) as logged and torque (m,) as logged, each with its stamps in ns.
 
     velocities: (n,) speed as logged, None where there is none.
-    stamped: topics that were stamped in bursts, whose times are reconstructed.
+    stamped: topics with stamps in bursts, whose times are reconstructed.
     second: of the encoder at `second_encoder_at` of an elastic shaft; None without one.
     """
 
@@ -70,10 +70,10 @@ class Readings:
 
 @dataclass(frozen=True)
 class AngleUnit:
-    """The unit in which an angle is logged: `turn` is what one turn of the encoder counts.
+    """Unit of a logged angle: `turn` is the size of one turn of the encoder.
 
-    wrapped: whether the angle begins anew each turn, which is how the unit was seen; else `turn` is assumed.
-    times: how often it begins anew.
+    wrapped: true if the angle wraps each turn, which shows the unit; otherwise `turn` is assumed.
+    times: number of wraps.
     """
 
     name: str
@@ -88,31 +88,31 @@ class AngleUnit:
 
     @property
     def told(self) -> str:
-        """The unit as `--angle-unit` takes it: deg, rev, gon, or the counts of a turn."""
+        """The unit as a value of `--angle-unit`: deg, rev, gon, or the counts of a turn."""
         return next((short for short, name in _NAMES.items() if name == self.name), shown_turn(self.turn))
 
     @property
     def is_other(self) -> bool:
-        """Whether the angle is not in radians, as more than one beginning shows."""
+        """True if the angle is not in radians, as more than one wrap shows."""
         return self.name != "radians" and self.times >= _OFTEN
 
     @property
     def instead(self) -> str:
-        """In words: what the angle looks like where radians are expected."""
+        """Description of the angle's apparent unit where radians are expected."""
         return f"the angle begins anew at {shown_turn(self.turn)} and looks like {self.name}, not radians"
 
 
 def other_unit(angle: FloatArray) -> AngleUnit | None:
-    """The unit of angles (n,) that are meant to be radians and begin anew, more than once, as another unit does.
+    """Return the unit of angles (n,) configured as radians that wrap, more than once, at a turn of another unit.
 
-    None where they are radians or show no unit.
+    None if they are radians or show no unit.
     """
     seen = angle_unit(angle)
     return seen if seen.is_other else None
 
 
 def shown_turn(turn: float) -> str:
-    """What a turn counts, as people read and tell it: whole counts with every digit."""
+    """Format the size of a turn for display: whole counts with every digit."""
     return f"{turn:.0f}" if turn == round(turn) else f"{turn:g}"
 
 
@@ -125,9 +125,9 @@ def radians_of(unit: str) -> float:
 
 
 def angle_unit(angle: FloatArray) -> AngleUnit:
-    """The unit of logged angles (n,), from the size of the leaps with which a wrapped angle begins anew.
+    """Return the unit of logged angles (n,), from the size of the steps at which a wrapped angle wraps.
 
-    An angle that never begins anew shows no unit; it counts as radians.
+    An angle that never wraps shows no unit; it counts as radians.
     """
     finite = angle[np.isfinite(angle)]
     span = float(np.ptp(finite)) if finite.size else 0.0
@@ -138,7 +138,7 @@ def angle_unit(angle: FloatArray) -> AngleUnit:
     turn = float(np.median(turns))
     if np.mean(np.abs(turns / turn - 1.0) < _ALIKE) < _MOST:
         return unseen
-    # Between two samples the shaft may have gone further than usual, but no reading lies beyond a turn.
+    # Between two samples the shaft may turn further than usual, but no reading exceeds a turn.
     for short, known in ANGLE_TURNS.items():
         if abs(turn / known - 1.0) < _NEAR and span <= known * (1.0 + 1e-6) and not _whole_turns(turn, known):
             return AngleUnit(_NAMES[short], known, True, turns.size)
@@ -148,11 +148,11 @@ def angle_unit(angle: FloatArray) -> AngleUnit:
 
 
 def _turns_leapt(angle: FloatArray, span: float) -> FloatArray:
-    """What a turn counts, by each leap with which angles (n,) begin anew; none where they do not."""
+    """Size of a turn by each wrap of the angles (n,); empty without wraps."""
     step = np.diff(angle)
     leap = np.abs(step) > 0.5 * span
     usual = float(np.median(step[~leap])) if (~leap).any() else 0.0
-    # A wrapped angle leaps against its way, by a turn less the step it would have made: that of the step before.
+    # At a wrap the angle steps against its direction, by a turn less its usual step, taken from the step before.
     against = leap & (np.sign(step) != np.sign(usual)) if usual else leap
     at = np.flatnonzero(against)
     if span == 0.0 or at.size > 0.4 * step.size:
@@ -163,17 +163,16 @@ def _turns_leapt(angle: FloatArray, span: float) -> FloatArray:
 
 
 def _whole_turns(turn: float, known: float) -> bool:
-    """Whether a leap is of several turns in radians, as of an encoder of many turns, rather than of a known unit."""
+    """Return true if a wrap is of several turns in radians, as of a multi-turn encoder, and of no other unit."""
     whole = TURN * round(turn / TURN)
     return known > 2.0 * TURN and abs(turn - whole) < abs(turn - known)
 
 
 def _count_of_a_turn(turn: float, readings: FloatArray, times: int) -> float:
-    """What a turn counts, of whole readings (n,) that begin anew so many times: by their leaps about `turn`.
+    """Return the counts of a turn, near `turn`, of whole readings (n,) that wrap a number of times.
 
-    Where they come count by count over many turns, they tell it themselves; otherwise it is the nearer of a power of
-    two and of a thousand by a power of two, or the number of two digits and zeros. No reading lies beyond a turn, but
-    for one that is rounded up.
+    Readings that show each count over many turns give it directly. Otherwise it is the nearest power of two, thousand
+    times a power of two, or number of two digits and zeros. No reading exceeds a turn, except one rounded up.
     """
     seen = float(np.ptp(readings)) + 1.0
     power = 2.0 ** round(math.log2(turn))
@@ -188,6 +187,6 @@ def _count_of_a_turn(turn: float, readings: FloatArray, times: int) -> float:
 
 
 def samples_per_turn(angle_stamps_ns: IntArray, speed_rad_s: float) -> float:
-    """Angle samples in a turn of the shaft at a speed."""
+    """Number of angle samples in a turn of the shaft at a speed."""
     period = float(np.median(np.diff(angle_stamps_ns))) * 1e-9
     return TURN / (abs(speed_rad_s) * period) if period > 0.0 and speed_rad_s else math.inf

@@ -1,4 +1,4 @@
-"""The part of the shaft's motion that repeats or changes slowly: instruments against errors of its acceleration."""
+"""Repeating or slow part of the shaft's motion: instruments against errors of its acceleration."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ _FEWEST = 64
 def repeating_motion(
     track: ShaftTrack, cycle_turns: int, rest_rad_s: float, excess_rad: FloatArray | None = None
 ) -> ShaftTrack:
-    """The track with speed and acceleration of its mean over a cycle and of ripple that repeats with the angle.
+    """Replace speed and acceleration of a track by their mean over a cycle and a ripple that repeats with the angle.
 
-    The acceleration of a track is estimated, and its errors are part of whatever is built from it: least squares then
-    finds too little inertia (attenuation, Fuller 1987, section 1.1). Errors of single samples hardly enter what
-    repeats over a record or is averaged over a cycle, while the motion does: slopes taken there are instruments (for
-    inverse dynamics Janot, Vandanjon and Gautier 2014). Ripple: orders up to 6 of the turn, one part as the speed (a
-    changing inertia gives it), one part as its inverse (a torque does), and what the readings hold beyond the track.
+    The estimated acceleration of a track has errors, which make least squares underestimate the inertia (attenuation,
+    Fuller 1987, section 1.1). A motion averaged over a cycle, or repeated over a record, is nearly free of the errors
+    of single samples: slopes taken there are instruments (for inverse dynamics Janot, Vandanjon and Gautier 2014).
+    The ripple has orders up to 6 of the turn: a part proportional to the speed (from a changing inertia), a part
+    proportional to its inverse (from a torque), and the ripple of the readings about the track.
 
     Args:
         track: as estimated. cycle_turns: turns after which the motion repeats.
-        rest_rad_s: below this speed the shaft counts as at rest; there, and where little turns, the track stays.
-        excess_rad: (n,) readings less the track's angle (see `excess_of`), nan where there is none.
+        rest_rad_s: speed below which the shaft stands still; there, and with little motion, the track is unchanged.
+        excess_rad: (n,) readings less the track's angle (see `excess_of`), nan without a reading.
     """
     moving = np.abs(track.omega_rad_s) > rest_rad_s
     slow, change, whole = _mean_motion(track, TURN * cycle_turns, moving)
@@ -62,10 +62,10 @@ def repeating_motion(
 
 
 def excess_of(track: ShaftTrack, time_s: FloatArray, angle_rad: FloatArray, period_rad: float) -> FloatArray:
-    """(n,) readings of the angle less the track's, nan where a state has none; wild readings are left out.
+    """Logged angles less those of the track (n,), nan for a state without a reading; outliers are left out.
 
     Args:
-        time_s, angle_rad: (m,) of the readings, in the track's time and sense; the angle begins anew after `period_rad`
+        time_s, angle_rad: (m,) of the readings, in the track's time and sense; the angle wraps after `period_rad`
             or never.
     """
     out = np.full(track.time_s.size, np.nan)
@@ -79,7 +79,7 @@ def excess_of(track: ShaftTrack, time_s: FloatArray, angle_rad: FloatArray, peri
 
 
 def _mean_motion(track: ShaftTrack, cycle: float, moving: BoolArray) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Mean speed over a cycle and its rate, where the shaft turns; and where the mean is over a whole cycle."""
+    """Mean speed over a cycle and its rate, where the shaft turns; and a mask of the means over a whole cycle."""
     slow, change = track.omega_rad_s.copy(), track.alpha_rad_s2.copy()
     whole = np.zeros(slow.size, dtype=np.bool_)
     pause = np.concatenate([[False], np.diff(track.time_s) > track.longest_s])
@@ -95,7 +95,7 @@ def _mean_motion(track: ShaftTrack, cycle: float, moving: BoolArray) -> tuple[Fl
 
 
 def _mean_speed(time: FloatArray, theta: FloatArray, cycle: float) -> tuple[FloatArray, BoolArray]:
-    """Mean speed over a cycle around each sample, over less at the ends; and where it is a whole cycle."""
+    """Mean speed over a cycle around each sample, over less at the ends, and a mask of the whole cycles."""
     sense = np.sign(theta[-1] - theta[0])
     angle = np.maximum.accumulate(sense * theta) + 1e-12 * np.arange(theta.size)
     inside = np.minimum(angle - angle[0], angle[-1] - angle)

@@ -1,4 +1,4 @@
-"""Measured minus predicted torque sample by sample, while both are still coming in."""
+"""Measured minus predicted torque, sample by sample, from two live streams."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from textile_twin_core.twin.restart import RestartWatch
 TWO_PI = 2.0 * math.pi
 _RECENT = 1000
 _LONGEST_NS = 50_000_000
-"""Predictions further apart than this have a gap between them."""
+"""Longest step between predictions; a longer one is a gap."""
 _PROBES = 64
 _BESIDE_RAD = 1e-7
 _JUMP_OVER_PEAK = 1e-4
@@ -34,15 +34,15 @@ class Residual:
 
 @dataclass
 class ResidualStream:
-    """Pairs a stream of measured torques with a stream of predictions, whichever comes first.
+    """Pairs of a stream of measured torques and a stream of predictions, in any order of arrival.
 
-    The prediction at `stamp - delay` is interpolated linearly between its two neighbours. No residual is given where
-    they say nothing about the time between them: over a gap, and where the load jumps between them (the needle
-    enters the backing). Each such sample is counted in `skipped`, by cause.
+    The prediction at `stamp - delay` is interpolated linearly between its two neighbours. No residual is given over a
+    gap, or over a discontinuity of the load (the needle enters the backing). Such samples are counted in `skipped`,
+    by cause.
 
     Args:
         sensor: delay, gain and offset of the torque sensor.
-        jump_angles_rad: shaft angles at which the predicted torque jumps.
+        jump_angles_rad: shaft angles at which the predicted torque is discontinuous.
         memory_s: how long a prediction, or a measured sample, waits for its counterpart.
     """
 
@@ -77,7 +77,7 @@ class ResidualStream:
 
     @property
     def apart_s(self) -> float:
-        """How far the newest measured torque is ahead of the newest prediction, nan without both."""
+        """Lead of the newest measured torque over the newest prediction [s], nan without both."""
         if self._last_measured_ns is None or not self._stamps:
             return math.nan
         return (self._last_measured_ns - self._delay_ns - self._stamps[-1]) * 1e-9
@@ -85,7 +85,7 @@ class ResidualStream:
     def predicted(
         self, stamps_ns: Iterable[int], torques_Nm: Iterable[float], thetas_rad: Iterable[float]
     ) -> list[Residual]:
-        """Take predictions, in order of time, and return the residuals that they make known."""
+        """Take predictions, in order of time, and return the residuals that they complete."""
         self._stamps.extend(stamps_ns)
         self._torques.extend(torques_Nm)
         self._thetas.extend(thetas_rad)
@@ -96,11 +96,11 @@ class ResidualStream:
         return ready
 
     def measured(self, stamp_ns: int, torque_Nm: float) -> list[Residual]:
-        """Take one measured torque [N m] and return its residual when its prediction is known already."""
+        """Take one measured torque [N m] and return its residual if its prediction is known."""
         if not math.isfinite(torque_Nm):
             self.skipped["not finite"] += 1
             return []
-        if self._restarts.restarted(stamp_ns):  # the sensor's clock was set back, or had leapt ahead
+        if self._restarts.restarted(stamp_ns):  # the sensor's clock was set back, or had been ahead
             self._last_measured_ns = None
             self._waiting.clear()
         if self._last_measured_ns is not None and stamp_ns <= self._last_measured_ns:
@@ -144,33 +144,33 @@ class ResidualStream:
         )
 
     def _forget(self) -> None:
-        """Keep `memory_s` of both streams; measured samples without a prediction are counted as they go."""
+        """Keep `memory_s` of both streams; count the measured samples dropped without a prediction."""
         memory_ns = round(self.memory_s * 1e9)
         while self._waiting and self._waiting[-1][0] - self._waiting[0][0] > memory_ns:
             self._waiting.popleft()
             self.skipped["no prediction came"] += 1
-        # Twice the memory, so that the lists are cut seldom.
+        # At twice the memory, so that the lists are seldom cut.
         if self._stamps and self._stamps[-1] - self._stamps[0] > 2 * memory_ns:
             first = bisect_left(self._stamps, self._stamps[-1] - memory_ns)
             del self._stamps[:first], self._torques[:first], self._thetas[:first]
 
 
 def load_jumps(twin: AnyTwin) -> tuple[float, ...]:
-    """Shaft angles [rad] at which the balancing torque of a machine jumps, found among its events.
+    """Find the shaft angles [rad], among the events of a machine, at which its balancing torque is discontinuous.
 
     Args:
         twin: compiled for `balancing_torque_Nm`, among others.
     """
     machine = twin.machine
-    if not isinstance(machine, Machine):  # one with a history: what happens comes with its motion
+    if not isinstance(machine, Machine):  # one with a history: its events depend on its motion
         return ()
     angles = np.array([event.angle_rad for event in machine.events()])
     scale = np.nanmax(np.abs(_torques(twin, machine.shaft_angles(_PROBES))))
     leaps = np.abs(_torques(twin, angles + _BESIDE_RAD) - _torques(twin, angles - _BESIDE_RAD))
-    return tuple(angles[leaps > _JUMP_OVER_PEAK * scale].tolist())  # an end of its range, with NaN beyond, is none
+    return tuple(angles[leaps > _JUMP_OVER_PEAK * scale].tolist())  # NaN beyond an end of the range compares false
 
 
 def _torques(twin: AnyTwin, theta_rad: FloatArray) -> FloatArray:
-    """At angles (n,), NaN where the machine cannot close."""
+    """Balancing torque at angles (n,), NaN where the machine cannot close."""
     torques: FloatArray = twin.evaluate(theta_rad, 1.0, 0.0)["balancing_torque_Nm"]
     return torques

@@ -1,4 +1,4 @@
-"""What the torque sensor shows while the shaft stands still, one reading for each standstill."""
+"""Torque readings at standstill, one for each standstill."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ _FEWEST, _PARTS = 20, 10
 _OF_MEDIAN = math.sqrt(math.pi / 2.0)
 """Standard deviation of a median over that of a mean."""
 _QUARTILES = 1.349
-"""Between the quartiles, in standard deviations."""
+"""Distance of the quartiles in standard deviations."""
 _APART_S = 1.0
-"""Time without a reading from which two standstills are told apart."""
+"""Longest time without a reading within one standstill."""
 
 
 def standstills(evidence: Evidence) -> tuple[Standstill, ...]:
-    """Readings of the standing shaft, as medians of parts of each standstill, since a few hold a shaft that creeps."""
+    """Medians of the torque over parts of each standstill: in a few of them the shaft may creep."""
     _, omega, _, good = evidence.track.at(evidence.time_s)
     still = good & (np.abs(omega) < 0.1 * evidence.rest_rad_s)
     time, torque = evidence.time_s[still], evidence.torque_Nm[still]
@@ -32,13 +32,13 @@ def standstills(evidence: Evidence) -> tuple[Standstill, ...]:
         medians = np.array([np.median(each) for each in np.array_split(torque[part], _PARTS)])
         low, value, high = np.percentile(medians, [25.0, 50.0, 75.0]).tolist()
         sigma = _OF_MEDIAN * (high - low) / _QUARTILES / math.sqrt(_PARTS)
-        # a sensor may show one of its values throughout: all within a step is as likely
+        # a quantised sensor may show one value throughout: all torques within its step are equally likely
         sigma = math.hypot(sigma, step / math.sqrt(12.0))
         found.append(Standstill(float(np.median(time[part])), value, max(sigma, 1e-9 * abs(value) + 1e-12)))
     return tuple(found)
 
 
 def _step(torque_Nm: FloatArray) -> float:
-    """The step [N m] from one value that a sensor can show to the next; 0 where values hardly repeat."""
+    """Resolution of the torque sensor [N m]; 0 where values hardly repeat."""
     values = np.unique(torque_Nm)
     return float(np.median(np.diff(values))) if 1 < values.size < 0.5 * torque_Nm.size else 0.0

@@ -1,4 +1,4 @@
-"""The outcome of a comparison: sample by sample for the views, in numbers for the report."""
+"""Result of a comparison: sample by sample for the views, in numbers for the report."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ComparisonEvent(Event):
-    """An event of the turn; `jump` tells whether the predicted torque jumps there."""
+    """An event of the turn; `jump` is true if the predicted torque is discontinuous there."""
 
     jump: bool
 
 
 @dataclass(frozen=True, slots=True)
 class SampleCount:
-    """How many samples entered the comparison, and why the others did not.
+    """Numbers of samples that entered the comparison, and of the rejected ones by cause.
 
-    `rejected` counts every sample that did not enter: measured ones by the causes below, and those that were
-    refused before a prediction was made, which the caller counted (causes `angle_...`).
+    `rejected` counts measured samples by the causes below, and angles that the caller rejected before prediction
+    (causes `angle_...`).
 
     Causes: `not_finite` (the torque is nan or infinite), `stamp_not_increasing` (repeated or older stamp),
     `no_prediction` (stamp - delay is before the first or after the last prediction), `prediction_gap`
-    (inside a gap of the predictions), `load_jump` (so near a jump of the load that the stamp cannot tell its
-    side), `not_settled` (the shaft estimator had not settled), `prediction_not_usable` (predictions with nan
-    or a repeated stamp).
+    (inside a gap of the predictions), `load_jump` (so close to a discontinuity of the load that its side is
+    uncertain), `not_settled` (the shaft estimator had not converged), `prediction_not_usable` (predictions with
+    nan or a repeated stamp).
     """
 
     measured: int
@@ -58,28 +58,28 @@ class Comparison:
     Attributes:
         stamps_ns: (m,) stamps of the measured samples.
         measured_Nm: (m,) as measured.
-        expected_Nm: (m,) what the sensor should show: gain * prediction(stamp - delay) + offset, with the
-            configured gain and offset and the estimated delay; nan where not used.
+        expected_Nm: (m,) expected reading: gain * prediction(stamp - delay) + offset, with the configured gain
+            and offset and the estimated delay; nan where not used.
         residual_Nm: (m,) measured - expected; nan where not used.
         theta_rad: (m,) unwrapped shaft angle at stamp - delay; nan where there is no prediction.
-        used: (m,) which samples entered the numbers.
-        predicted_stamps_ns, predicted_Nm, predicted_theta_rad, predicted_sigma_Nm: (n,) the predictions as
-            they came, the sigma nan where none was given.
+        used: (m,) true for the samples that entered the numbers.
+        predicted_stamps_ns, predicted_Nm, predicted_theta_rad, predicted_sigma_Nm: (n,) the usable predictions,
+            the sigma nan where none was given.
 
     In numbers:
 
     Attributes:
         sensor_delay_s, sensor_gain, sensor_offset_Nm: the sensor as the machine configures it.
-        fit: delay, gain and offset as the data tell them.
+        fit: delay, gain and offset estimated from the data.
         errors: at the estimated delay. errors_configured: at the configured one.
-            errors_fitted: with estimated delay, gain and offset, what no sensor setting explains.
+            errors_fitted: with estimated delay, gain and offset, which no sensor setting explains.
         by_angle, by_revolution, by_order, by_speed: the residual at the estimated delay, sorted; by angle and by
             order while the shaft turns.
         samples: used and rejected. revolutions: turns of the shaft from the first used sample to the last.
-        events: the turn's events. notes: what a reader of the numbers should know.
-        verdict: what is wrong with the recording or the machine file, likeliest first; empty when nothing is.
-        explained: share of the torque's variance that the machine explains once that is mended; nan without a verdict.
-        quantities: what the recording says of sensors, friction and forces, each once; empty without a verdict.
+        events: the turn's events. notes: remarks on the numbers.
+        verdict: faults of the recording or the machine file, likeliest first; empty without a fault.
+        explained: share of the torque's variance that the corrected machine explains; nan without a verdict.
+        quantities: estimates of sensors, friction and forces, each once; empty without a verdict.
     """
 
     stamps_ns: IntArray
@@ -112,7 +112,7 @@ class Comparison:
     quantities: tuple[Quantity, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
-        """Return the numbers as one object of plain lists and numbers; what is not a number is null."""
+        """Return the numbers as one object of plain lists and numbers; nan is null."""
         torque: dict[str, Any] = {
             **dataclasses.asdict(self.errors),
             "delay_s": self.fit.delay_s,

@@ -1,4 +1,4 @@
-"""Identify stiffness, damping and drive of an elastic main shaft from the torque in one of its pieces."""
+"""Identification of stiffness, damping and drive of an elastic main shaft from the torque in one of its pieces."""
 
 from __future__ import annotations
 
@@ -33,26 +33,26 @@ STIFFNESS, DAMPING = "shaft_stiffness_Nm_rad", "shaft_damping_Nms_rad"
 INERTIA, SLIP = "drive_inertia_kgm2", "drive_slip_Nms_rad"
 _NAMES = (STIFFNESS, DAMPING, INERTIA, SLIP)
 _FACTORS = np.exp(np.arange(-0.24, 0.241, 0.02))
-"""Stiffnesses tried over the configured one: 2 % apart, since the torque's valley about the true one is narrow."""
+"""Stiffnesses tried over the configured one: 2 % apart, since the minimum about the true one is narrow."""
 _SCALES = {STIFFNESS: 0.01, DAMPING: 0.1, INERTIA: 0.05, SLIP: 0.1}
-"""Changes of the logarithms that change the torque about alike."""
+"""Changes of the logarithms that change the torque by similar amounts."""
 _STEP = 1e-3
 """Relative step of the numerical slopes."""
 _WIDEST = 1.5
 """Largest change of a logarithm in the fit."""
 _FEWEST = 256
 _FINER = 2
-"""Time steps of the fit in one of the live observer."""
+"""Time steps of the fit per time step of the live observer."""
 
 
 @dataclass(frozen=True)
 class ShaftIdentification:
-    """What a recording says of an elastic shaft.
+    """Parameters of an elastic shaft, identified from a recording.
 
     Attributes:
         parameters: by name; stiffness and damping are those of the whole shaft from end to end.
         rms_before_Nm, rms_after_Nm: residual of the machine as configured, and with the estimates.
-        machine: the machine with the estimates. notes: what a reader should know.
+        machine: the machine with the estimates. notes: remarks for the reader.
         second_rms_rad: residual of a second encoder's angle before and after; NaN without one.
     """
 
@@ -83,8 +83,8 @@ class ShaftIdentification:
 class _Observed:
     """Residuals of the shaft's observer under values of the parameters: torque, and angle at a second encoder.
 
-    The readings pass the shaft estimator once; each evaluation observes them with a rescaled chain and the time step of
-    the machine as configured, so that the torque is smooth in the parameters.
+    The readings pass the shaft estimator once; each evaluation observes them with a rescaled chain and the time step
+    of the configured machine, so that the torque is smooth in the parameters.
     """
 
     def __init__(self, readings: Readings, machine: Machine) -> None:
@@ -122,7 +122,7 @@ class _Observed:
 
     @property
     def turns(self) -> IntArray:
-        """(n + m,) turn of the shaft of each residual."""
+        """Turn of the shaft of each residual (n + m,)."""
         if self._second is None:
             return np.asarray(self._turn[self.settled])
         return np.concatenate([self._turn[self.settled], self._second_turn[self._second_settled].astype(np.int64)])
@@ -130,7 +130,7 @@ class _Observed:
     def observer(
         self, values: Mapping[str, float | None], finer: int = 1, memories: FloatArray = MEMORIES
     ) -> ShaftObserver:
-        """An observer under values of the parameters (None: of the drive, to be estimated), with finer time steps."""
+        """Create an observer with values of the parameters (None: the drive's are estimated) and finer time steps."""
         stiffness, damping = (
             (values[name] or 0.0) / self.configured[name] if self.configured[name] > 0.0 else 1.0
             for name in (STIFFNESS, DAMPING)
@@ -140,9 +140,9 @@ class _Observed:
         return ShaftObserver(elastic, self._speed, scales, memories)
 
     def residual(self, observer: ShaftObserver, first: bool = False) -> tuple[FloatArray, FloatArray]:
-        """Settled measured torques (n,) [N m] and second angles (m,) [rad] less predicted ones, about their means.
+        """Return torques (n,) [N m] and second angles (m,) [rad] less the converged predictions, about their means.
 
-        `first`: find where the prediction has settled.
+        `first`: find where the prediction has converged.
         """
         observed, shaft = observer.take(self._rows), self._elastic.shaft
         piece, sign = shaft.torque_piece
@@ -169,7 +169,7 @@ def _about_mean(values: FloatArray) -> FloatArray:
 def _second_angles(
     second: SecondAngle, machine: Machine, origin_ns: int, known: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Times [s] within those known and unwrapped angles [rad] of the second encoder, reduced to the main shaft."""
+    """Times [s], within the known ones, and unwrapped angles [rad] of the second encoder, reduced to the main shaft."""
     encoder = machine.sensors.second_encoder
     good = np.isfinite(second.angle)
     good[good] = np.diff(second.stamps_ns[good], prepend=np.iinfo(np.int64).min // 2) > 0
@@ -183,21 +183,21 @@ def identify_shaft(readings: Readings, machine: Machine, begin: Begin = unheard)
     """Fit stiffness and damping of the shaft, inertia and slip of its drive.
 
     All pieces keep their proportions. The residual is that of the observer's torque, so the encoder at one station is
-    enough; with a second encoder also that of its angle, whose zero is free, each over its own scale. The fit starts
-    from the configured values, with stiffnesses up to 27 % around it tried first; sensors, loads and masses are as
-    configured. Intervals by `uncertainty_by_turns`, and as far as half the time step moves the estimates.
+    enough; a second encoder adds the residual of its angle, whose zero is free, each over its own scale. The fit starts
+    from the configured values and the best of the stiffnesses up to 27 % around; sensors, loads and masses are as
+    configured. Intervals by `uncertainty_by_turns`, widened by the change of the estimates at half the time step.
 
     Args:
         readings: The recording.
         machine: A machine with a `shaft`; inertia and slip of its drive start from the observer's
             estimates.
-        begin: Hears of each stage.
+        begin: Called at each stage.
 
     Returns:
         The estimates, and the machine with them.
 
     Raises:
-        RecordingError: For a recording without enough settled predictions.
+        RecordingError: For a recording without enough converged predictions.
     """
     begin("observing", 0.1)
     observed = _Observed(readings, machine)
@@ -239,7 +239,7 @@ def identify_shaft(readings: Readings, machine: Machine, begin: Begin = unheard)
         memory = min(filters, key=lambda each: float(np.sum(parts(x, each)[0] ** 2)))
         torque, angle = parts(x, memory)
         weight = robust_scale(torque) / robust_scale(angle) if angle.size else 0.0
-        # The fit's variables are about 1, since the numerical slopes take steps relative to them.
+        # The fit's variables are about 1, since the steps of the numerical slopes are relative.
         found = least_squares(
             residual, x, args=(memory, weight), diff_step=_STEP, x_scale=[_SCALES[name] for name in scale],
             bounds=(1.0 - _WIDEST, 1.0 + _WIDEST), xtol=1e-6,
@@ -282,7 +282,7 @@ def _end_to_end(values: FloatArray) -> float:
 
 
 def _values(machine: Machine) -> dict[str, float]:
-    """The parameters' values of a machine."""
+    """Values of the parameters of a machine."""
     shaft = _shaft(machine)
     ratios = np.array(shaft.speed_ratios[1:])
     stiffness, damping = (
@@ -294,7 +294,7 @@ def _values(machine: Machine) -> dict[str, float]:
 
 
 def _changed(machine: Machine, values: Mapping[str, float]) -> Machine:
-    """The machine with other values of some parameters; pieces keep their proportions and their own inertia."""
+    """Return the machine with other values of some parameters; pieces keep their proportions and own inertia."""
     shaft, now = _shaft(machine), _values(machine)
     factors = {name: values.get(name, now[name]) / now[name] for name in (STIFFNESS, DAMPING) if now[name] > 0.0}
     pieces = tuple(

@@ -1,4 +1,4 @@
-"""The shaft's motion over a record, as the encoder tells it: estimated once, read at any time."""
+"""Motion of the shaft over a record: estimated once from the encoder, interpolated at any time."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ _UNSURE, _STILL = 0.1, 0.005
 _FEWEST = 8
 _SPREAD = 1.2
 _PAUSE = 20.0
-"""A turn this many times longer than the median one holds a stop."""
+"""A turn this many times longer than the median one contains a stop."""
 
 
 @dataclass(frozen=True)
 class ShaftTrack:
-    """States of the shaft over time, (n,) each, and how far apart they may be interpolated.
+    """States of the shaft over time, (n,) each, with interpolation between them.
 
     Attributes:
         time_s: increasing, from the record's origin.
         theta_rad, omega_rad_s, alpha_rad_s2: the shaft's state there.
         longest_s: longer intervals are gaps.
-        leaps: of the angle as no shaft makes them.
-        pitch_errors_rad: of a toothed wheel's edges, as told or as this record's motion tells them; else empty.
+        leaps: slips of the encoder.
+        pitch_errors_rad: of a toothed wheel's edges, configured or estimated from this record; else empty.
     """
 
     time_s: FloatArray
@@ -46,29 +46,29 @@ class ShaftTrack:
 
     @property
     def turns(self) -> float:
-        """Turns of the shaft from one extreme of its angle to the other."""
+        """Number of turns between the extremes of the shaft's angle."""
         return float(np.ptp(self.theta_rad)) / TURN
 
     @cached_property
     def fast_rad_s(self) -> float:
-        """The fast end of its speeds (see `fast_speed`)."""
+        """Fast end of its speeds (see `fast_speed`)."""
         return fast_speed(self.omega_rad_s)
 
     @cached_property
     def at_one_speed(self) -> bool:
-        """Whether whole turns are so alike in their mean speeds that a delay is a zero of the encoder.
+        """True if the mean speeds of whole turns are so similar that a delay acts as a zero of the encoder.
 
-        The third fastest turn is then at most 1.2 times as fast as the third slowest, or there are too few to tell.
+        The third fastest turn is then at most 1.2 times as fast as the third slowest, or there are too few turns.
         """
         edges = np.flatnonzero(np.diff(np.floor(self.theta_rad / TURN)) != 0.0)
         spans = np.sort(np.diff(self.time_s[edges]))
-        # A shaft that rests where a turn ends trembles across that place: no turn is so short.
+        # A shaft at standstill where a turn ends may tremble across that angle; such turns are too short.
         spans = spans[2.0 * self.fast_rad_s * spans > TURN]
         spans = spans[spans < _PAUSE * np.median(spans)] if spans.size else spans
         return spans.size < _FEWEST or bool(spans[-3] <= _SPREAD * spans[2])
 
     def between(self, first_s: float, last_s: float) -> ShaftTrack:
-        """The track from one time to another; all of it where too little lies between."""
+        """Return the track from one time to another; all of it if too little lies between."""
         low, high = np.searchsorted(self.time_s, [first_s, last_s]).tolist()
         part = slice(max(low - 1, 0), high + 1)
         if high - low < _FEWEST:
@@ -82,9 +82,9 @@ class ShaftTrack:
         )
 
     def at(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
-        """Angle, speed, acceleration at times (m,), and where there is a state on either side without a gap.
+        """Return angle, speed and acceleration at times (m,), and true where states on both sides have no gap between.
 
-        Angle and speed by the cubic through both ends' values and slopes, acceleration by the straight line.
+        Angle and speed by the cubic through both ends' values and slopes, acceleration by a straight line.
         """
         after = np.clip(np.searchsorted(self.time_s, time_s, side="right"), 1, self.time_s.size - 1)
         before = after - 1
@@ -106,9 +106,9 @@ def _cubic(
 
 
 def _unsure(omega: FloatArray, variance: FloatArray) -> BoolArray:
-    """States whose acceleration is too unsure for a torque, as where a shaft creeps from one encoder step to the next.
+    """Mask of states with an acceleration too uncertain for a torque, as of a shaft creeping between encoder steps.
 
-    Beyond a tenth of the square of the fast speed, with which torques of inertia go, and well beyond the usual.
+    Its sigma exceeds the usual one by far, and a tenth of the squared fast speed, to which torques of inertia scale.
     """
     fast, sigma = fast_speed(omega), np.sqrt(variance)
     limit = max(_UNSURE * fast**2, 5.0 * float(np.nanmedian(sigma)))
@@ -130,9 +130,9 @@ def shaft_track(
         angle_rad: angles of the encoder, in radians, wrapped or not.
         velocities: the encoder's own speed where it has one [rad/s].
         origin_ns: the stamp at which time is zero.
-        encoder: its ratio and what is known of its readings; direction and zero are left to the caller.
+        encoder: its ratio and the errors of its readings; direction and zero are applied by the caller.
 
-    Raises RecordingError when no state comes out.
+    Raises RecordingError when no state can be estimated.
     """
     ratio = encoder.ratio
     estimator = create_estimator("smooth", **encoder_settings(replace(encoder, direction=1, zero_rad=0.0)))
@@ -145,10 +145,10 @@ def shaft_track(
 
 
 def track_of(states: Sequence[ShaftStates], origin_ns: int, direction: int = 1, zero_rad: float = 0.0) -> ShaftTrack:
-    """The track that states of the shaft give, those of a whole record that were estimated with its own stamps in ns.
+    """Make a track of the shaft's states over a whole record, estimated at its own stamps in ns.
 
-    An encoder's direction and zero (as angle of the shaft) that the states were estimated with are taken back. Raises
-    RecordingError where too few states are usable.
+    Undoes the encoder's direction and zero (as angle of the shaft) used in the estimation. Raises RecordingError if
+    too few states are usable.
     """
     stamps = np.concatenate([np.asarray(part.stamps, np.int64) for part in states])
     theta = np.concatenate([part.theta_rad for part in states])

@@ -1,4 +1,4 @@
-"""The slow part of the shaft's acceleration: instruments where the motion repeats too little or goes by the torque."""
+"""Slow part of the shaft's acceleration: instruments for a motion that hardly repeats or depends on the torque."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
 
 
 def slow_motion(track: ShaftTrack, order: float, rest_rad_s: float) -> ShaftTrack:
-    """The track with its acceleration passed through a Gaussian that halves waves of an order of the turn.
+    """Smooth the acceleration of a track by a Gaussian that halves waves of an order of the turn.
 
-    The errors of an estimated acceleration grow with the square of the frequency; what is left here has hardly any.
-    `order` is taken at the median speed above `rest_rad_s`; a track at rest stays as it is.
+    Errors of an estimated acceleration grow with the square of the frequency, so the slow part has hardly any.
+    `order` is taken at the median speed above `rest_rad_s`; a track at standstill is returned unchanged.
     """
     moving = np.abs(track.omega_rad_s) > rest_rad_s
     if not moving.any():

@@ -1,4 +1,4 @@
-"""Fit a torque model's smooth parameters: bounded least squares first, then free of the acceleration's errors."""
+"""Fit of a torque model's smooth parameters: bounded least squares, then instrumental variables."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from textile_twin_core.comparison.torque_model import NOT_NEGATIVE, TorqueModel
 from textile_twin_core.inference.robust import HUBER, huber_weights, robust_scale
 
 _MOST_LOSS = 2.0
-"""Standard deviations beside those of least squares, beyond which these live on errors of the track."""
+"""Standard deviations over those of least squares; above it, least squares would use errors of the track."""
 SLOW_ORDERS = (3.0, 5.0, 8.0)
-"""Of the turn, that limit the slow part of the motion."""
+"""Orders of the turn that limit the slow part of the motion."""
 SLOW_ORDERS_OF_ROTOR = (0.3, 0.5, 0.8)
-"""Where the torque does not depend on the angle: what repeats with it is of another source."""
+"""The same if the torque does not depend on the angle: a torque that repeats with it is foreign to the machine."""
 _ROUNDS, _STILL, _RUN_AWAY = 8, 1e-4, 2.0
 
 
 @dataclass(frozen=True)
 class SmoothFit:
-    """Values by name, and what their uncertainty follows from, (m, k) and (m,) over the samples `good` of a model.
+    """Fitted values by name, and the basis of their uncertainty, (m, k) and (m,) over the samples `good` of a model.
 
-    slopes: of the expected torque by the parameters. instruments: what the residual was made orthogonal to.
+    slopes: of the expected torque by the parameters. instruments: orthogonal to the residual.
     """
 
     values: dict[str, float]
@@ -58,7 +58,7 @@ def least_squares_fit(
 
     low = np.array([0.0 if name in NOT_NEGATIVE else -np.inf for name in free])
     start = np.array([values[name] for name in free]) * size
-    for _ in range(2):  # the second time with the scale of what is left
+    for _ in range(2):  # the second time with the scale of the residual
         start = np.maximum(start, low + 1e-12)
         solved = scipy.optimize.least_squares(
             residual, start, jacobian, (low, np.inf), loss="huber", f_scale=HUBER, max_nfev=most_steps
@@ -75,11 +75,11 @@ def clean_tracks(
     free: tuple[str, ...],
     orders: tuple[float, ...] = SLOW_ORDERS,
 ) -> tuple[ShaftTrack, ...]:
-    """Tracks without the errors of the model's track, to take instruments on: the best first, then others as good.
+    """Return tracks without the errors of the model's track, for instruments: the best first, then equally good ones.
 
-    `steady`, the motion that repeats, where it is given and its instruments cost little beside least squares. Elsewhere
-    these may take errors of the acceleration for information, and the slow part of the motion serves, by several
-    limits; the track itself, by which least squares stay, only where that tells nothing.
+    The best is `steady`, the motion that repeats, if it is given and its instruments cost little over least squares.
+    Otherwise it is the slow part of the motion, with several limits. If that determines nothing either, it is
+    the model's own track, which means least squares.
     """
     evidence = model.evidence
     if steady is not None and _loss(_on(model, steady, values, free)) <= _MOST_LOSS:
@@ -91,11 +91,11 @@ def clean_tracks(
 def instrumented_fit(
     model: TorqueModel, clean: ShaftTrack, values: dict[str, float], free: tuple[str, ...], chosen: BoolArray
 ) -> SmoothFit:
-    """From least squares to the values whose residual is orthogonal to the slopes on a track without its errors.
+    """Fit by instrumental variables, starting from least squares: residual orthogonal to the slopes on `clean`.
 
-    Errors of the shaft's acceleration are in the slopes as well as in the residual, which biases least squares; they
-    are not in the slopes taken on `clean` (instrumental variables, Soederstroem and Stoica 1983; Huber's weights).
-    Of several roots the one near least squares is meant: where the steps run away from it, these stay.
+    Errors of the shaft's acceleration are in the slopes as well as in the residual, which biases least squares; the
+    slopes taken on `clean` are free of them (Soederstroem and Stoica 1983; with Huber's weights). The root close
+    to least squares is wanted: if the steps diverge from it, the values of least squares are returned.
     """
     other = model.with_evidence(dataclasses.replace(model.evidence, track=clean))
     good = model.parts(values).good & other.parts(values).good & chosen
@@ -110,7 +110,7 @@ def instrumented_fit(
 
 
 def _on(model: TorqueModel, clean: ShaftTrack, values: dict[str, float], free: tuple[str, ...]) -> SmoothFit:
-    """The fit as it stands, with instruments on another track."""
+    """Return the fit at these values, with instruments on another track."""
     other = model.with_evidence(dataclasses.replace(model.evidence, track=clean))
     return _state(model, other, values, free, model.parts(values).good & other.parts(values).good)
 
@@ -124,9 +124,9 @@ def _state(
 
 
 def _step(fit: SmoothFit, free: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
-    """The next step, and by how much a unit of each parameter moves the torque.
+    """Return the next step, and the change of the torque per unit of each parameter.
 
-    Parameters that would become negative stop at zero, and the others are solved for without them.
+    Parameters that would become negative stop at zero, and the others are solved without them.
     """
     size = np.sqrt(np.mean(fit.slopes**2, axis=0)) + 1e-300
     weighted = fit.instruments / size * huber_weights(fit.residual, robust_scale(fit.residual))[:, None]
@@ -147,7 +147,7 @@ def _step(fit: SmoothFit, free: tuple[str, ...]) -> tuple[FloatArray, FloatArray
 
 
 def _loss(fit: SmoothFit) -> float:
-    """The largest factor by which instruments widen a standard deviation."""
+    """Largest factor by which instruments widen a standard deviation."""
     size = np.sqrt(np.mean(fit.slopes**2, axis=0)) + 1e-300
     slopes, instruments = fit.slopes / size, fit.instruments / size
     if np.linalg.matrix_rank(instruments) < instruments.shape[1]:

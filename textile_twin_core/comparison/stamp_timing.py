@@ -1,4 +1,4 @@
-"""What stamps in bursts leave unknown: the cause in the verdict, and the wider interval of the delay."""
+"""Uncertainty due to stamps in bursts: the cause in the verdict, and the wider interval of the delay."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ NOT_JUDGED = frozenset(
         "other_machine",
     )
 )
-"""Causes that wrong times feign."""
+"""Causes that wrong times may imitate."""
 _TWO_SIGMA = 1.96
 
 
 @dataclass(frozen=True)
 class StampTiming:
-    """How the samples of a topic were stamped in bursts, and what is known of their true times.
+    """Pattern of a topic's stamps in bursts, and the precision of the reconstructed times.
 
     Attributes:
         topic: their topic.
@@ -48,7 +48,7 @@ class StampTiming:
 
     @property
     def text(self) -> str:
-        """The pattern and what was done about it, in words."""
+        """Description of the pattern and its treatment."""
         return (
             f"topic {self.topic}: {self.bursts.text}; used instead: even times, {self.period_s * 1e3:.4g} ms apart,"
             f" together right within +-{self.half_width_s * 1e3:.2g} ms beside the constant latency of the link, which"
@@ -57,12 +57,12 @@ class StampTiming:
 
 
 def half_width(timings: Sequence[StampTiming]) -> float:
-    """Half the width of the interval that the offsets of angle and torque leave to the delay [s]."""
+    """Half the width of the delay's interval due to the offsets of angle and torque [s]."""
     return sum(timing.half_width_s for timing in timings)
 
 
 def burst_verdict(timings: Sequence[StampTiming], causes: Sequence[Cause]) -> tuple[Cause, ...]:
-    """The verdict with stamps in bursts first, and without the causes that wrong times feign."""
+    """Return the verdict with stamps in bursts first, and without the causes that wrong times may imitate."""
     if not timings:
         return tuple(causes)
     text = "; ".join(timing.text for timing in timings)
@@ -72,7 +72,7 @@ def burst_verdict(timings: Sequence[StampTiming], causes: Sequence[Cause]) -> tu
 
 
 def widened_fit(fit: SensorFit, timings: Sequence[StampTiming]) -> tuple[SensorFit, tuple[str, ...]]:
-    """A fit whose delay has the interval that the stamps leave, and a note where it is too wide to state a delay."""
+    """Return the fit with the delay's interval due to the stamps, and a note if it is too wide to state a delay."""
     half = half_width(timings)
     if not timings or math.isnan(fit.delay_sigma_s):
         return fit, ()
@@ -87,7 +87,7 @@ def widened_fit(fit: SensorFit, timings: Sequence[StampTiming]) -> tuple[SensorF
 
 
 def widened(delay: Estimate, timings: Sequence[StampTiming]) -> Estimate:
-    """An estimated delay [s] with the interval that the stamps leave."""
+    """Widen the interval of an estimated delay [s] by the uncertainty of the stamps."""
     half = half_width(timings)
     if not timings or math.isnan(delay.sigma):
         return delay

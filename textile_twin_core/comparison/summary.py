@@ -1,4 +1,4 @@
-"""The comparison in a few lines that a person reads."""
+"""Summary of a comparison in a few lines for a person."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def summary_rows(comparison: Comparison) -> list[tuple[str, str]]:
 
 
 def _aligned(comparison: Comparison) -> list[tuple[str, str]]:
-    """Delay, gain and offset by which the torque follows best, where there is no verdict to say more of them."""
+    """Rows of the best delay, gain and offset, for a comparison without a verdict."""
     fit = comparison.fit
     delay = f"{fit.delay_s * 1e3:.3f} ms" + (
         f" +- {fit.delay_sigma_s * 1e3:.3f}" if math.isfinite(fit.delay_sigma_s) else " (configured)"
@@ -45,12 +45,12 @@ def _aligned(comparison: Comparison) -> list[tuple[str, str]]:
 
 
 def is_as_told(comparison: Comparison) -> bool:
-    """Whether the recording was judged, and the machine file found right; False where nothing can be told."""
+    """Return true if the recording was judged and agrees with the machine file; false without a judgement."""
     return not comparison.verdict and bool(comparison.quantities)
 
 
 def verdict_lines(comparison: Comparison) -> list[str]:
-    """The verdict in plain words, likeliest cause first; one line when nothing is wrong or nothing can be told."""
+    """Lines of the verdict in plain words, likeliest cause first; one line without a fault or a judgement."""
     if comparison.verdict:
         return [cause.text for cause in comparison.verdict]
     if math.isnan(comparison.explained):

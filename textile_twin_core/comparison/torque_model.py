@@ -1,4 +1,4 @@
-"""The measured torque as a function of what `identify` seeks: forces, friction, inertia, event angles, sensors."""
+"""Measured torque as a function of the parameters of `identify`: forces, friction, inertia, event angles, sensors."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ _ROOT_2PI = float(np.sqrt(2.0 * np.pi))
 
 @dataclass(frozen=True)
 class Parts:
-    """Torque per unit of each linear parameter at m samples [N m], and the rest that has no parameter.
+    """Torque per unit of each linear parameter at m samples [N m], and the part without a parameter.
 
-    per_event: by event angle, how the torque per unit of force in the backing less force above it moves with it.
+    per_event: by event angle, its derivative of the torque per unit of force in the backing less force above it.
     """
 
     fixed: FloatArray
@@ -43,7 +43,7 @@ class Parts:
     good: BoolArray
 
     def total(self, values: Mapping[str, float]) -> FloatArray:
-        """The torque in the shaft."""
+        """Torque in the shaft."""
         torque = self.fixed.copy()
         for name, column in self.per_unit.items():
             torque += values[name] * column
@@ -51,12 +51,12 @@ class Parts:
 
 
 class TorqueModel:
-    """Predicts what the torque sensor shows at each measured sample of a record.
+    """Prediction of the torque sensor's reading at each measured sample of a record.
 
-    `spread_rad`: over this angle (a standard deviation) a force sets in; needle points are not quite level, and stamps
-    not quite right. Zero is in shaft angle, of the track that the evidence holds; `direction` is the encoder's. A
-    backing through which no needle passes has no angles to seek, and of several none is told from the others: they stay
-    as configured, and `not_there` tells of them.
+    `spread_rad`: angle (a standard deviation) over which a force sets in, since needle points are not quite level and
+    stamps not exact. Zero is in shaft angle, of the evidence's track; `direction` is the encoder's. Event angles are
+    fixed if no needle passes the backing, or if there are several backings, which are not distinguishable;
+    `not_there` states the reason.
     """
 
     def __init__(self, evidence: Evidence, machine: Machine, direction: int, spread_rad: float) -> None:
@@ -84,24 +84,24 @@ class TorqueModel:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Every parameter that this machine has."""
+        """Names of all parameters of this machine."""
         backing = (*FORCES, *EVENTS) if self.backing is not None else ()
         return (*backing, *FRICTION, INERTIA, *SENSOR, ZERO)
 
     def with_spread(self, spread_rad: float) -> TorqueModel:
-        """The same with another spread of the events."""
+        """Return a copy with another spread of the events."""
         other = copy(self)
         other.spread_rad = spread_rad
         return other
 
     def with_evidence(self, evidence: Evidence) -> TorqueModel:
-        """The same for other evidence."""
+        """Return a copy for other evidence."""
         other = copy(self)
         other.evidence = evidence
         return other
 
     def start(self) -> dict[str, float]:
-        """Values as the machine declares them; zero and delay are the caller's to improve."""
+        """Start values as the machine declares them; the caller improves zero and delay."""
         encoder, sensor = self.machine.sensors.encoder, self.machine.sensors.torque
         frictions = [load for load in self.machine.loads if isinstance(load, ShaftFriction)]
         values = {
@@ -123,7 +123,7 @@ class TorqueModel:
         return values
 
     def parts(self, values: Mapping[str, float]) -> Parts:
-        """The parts of the torque at the instants of which the measured samples speak."""
+        """Evaluate the parts of the torque at the instants of the samples less the delay."""
         theta, omega, alpha, good = self.evidence.track.at(self.evidence.time_s - values[DELAY])
         theta, omega, alpha = self.direction * theta - values[ZERO], self.direction * omega, self.direction * alpha
         rest = self._rest.evaluate(theta, omega, alpha)
@@ -145,11 +145,11 @@ class TorqueModel:
         return Parts(fixed, units, events, theta, good & moving & np.isfinite(fixed))
 
     def expected(self, values: Mapping[str, float]) -> FloatArray:
-        """What the sensor would show [N m]."""
+        """Expected reading of the sensor [N m]."""
         return values[GAIN] * self.parts(values).total(values) + values[OFFSET]
 
     def jacobian(self, values: Mapping[str, float], names: tuple[str, ...]) -> FloatArray:
-        """(m, k) slopes of the expected torque by the named parameters."""
+        """Slopes (m, k) of the expected torque by the named parameters."""
         parts = self.parts(values)
         columns = []
         for name in names:
@@ -169,11 +169,11 @@ class TorqueModel:
         return np.stack(columns, axis=1)
 
     def turn(self, values: Mapping[str, float]) -> IntArray:
-        """The turn of the shaft to which each sample belongs."""
+        """Turn of the shaft of each sample."""
         return np.floor(self.parts(values).theta / TURN).astype(np.int64)
 
     def near_event(self, theta: FloatArray, values: Mapping[str, float], within_rad: float) -> BoolArray:
-        """Which angles lie near the entry or the exit of a needle."""
+        """Return true for angles near the entry or the exit of a needle."""
         near = np.zeros(theta.size, dtype=np.bool_)
         if self.backing is not None:
             for phase in self._phases:
@@ -182,7 +182,7 @@ class TorqueModel:
         return near
 
     def beside_event(self, values: Mapping[str, float], name: str, within_rad: float) -> BesideEvent:
-        """The samples on either side of an event."""
+        """Samples on either side of an event."""
         parts, apart = self.parts(values), 2.0 * within_rad + 0.1
         past, coming = (self.expected({**values, name: values[name] + away}) for away in (-apart, apart))
         relative = np.full(parts.theta.size, np.inf)
@@ -194,14 +194,14 @@ class TorqueModel:
         return BesideEvent(relative[near], self.evidence.torque_Nm[near], coming[near], past[near])
 
     def _passes(self, backing: Backing) -> bool:
-        """Whether the needle enters and leaves the backing as configured."""
+        """Return true if the needle enters and leaves the backing as configured."""
         return all(f"{backing.on}_{way}_backing" in self._events for way in ("enters", "leaves"))
 
     def _inside(self, theta: FloatArray, values: Mapping[str, float]) -> FloatArray:
         """1 between entry and exit, 0 outside, smooth over the spread."""
         after_entry = scipy.special.ndtr(_apart(theta, values["entry_angle_rad"]) / self.spread_rad)
         after_exit = scipy.special.ndtr(_apart(theta, values["exit_angle_rad"]) / self.spread_rad)
-        # Half a turn from an event its own step leaps; the other event's then decides.
+        # The step of an event wraps half a turn away from it; there the step of the other event counts.
         span = float(np.remainder(values["exit_angle_rad"] - values["entry_angle_rad"], TURN))
         since = np.remainder(theta - values["entry_angle_rad"], TURN)
         near_entry = np.minimum(since, TURN - since) <= np.abs(since - span)
@@ -215,5 +215,5 @@ class TorqueModel:
 
 
 def _apart(theta: FloatArray, angle: float) -> FloatArray:
-    """theta less an angle, within half a turn."""
+    """Difference of theta and an angle, within half a turn."""
     return np.asarray(np.remainder(theta - angle + np.pi, TURN) - np.pi)

@@ -1,4 +1,4 @@
-"""A machine's torque in the parts that a recording can weigh: mechanism, loads, friction of the shaft."""
+"""Parts of a machine's torque: mechanism, loads, friction of the shaft."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from textile_twin_core.twin import compile_machine
 
 TURN = 2.0 * np.pi
 _SPEED_RAD_S, _ROUNDING = 10.0, 1e-12
-"""At such a speed a load that is smaller, as a part of the mechanism's torque, changes nothing."""
+"""Speed of the test for a load, and the share of the mechanism's torque below which a load is rounding."""
 
 
 @dataclass(frozen=True)
 class Terms:
     """Parts of the torque at n states [N m], (n,) each.
 
-    mechanism: inertia and weight. load: every declared load but the shaft's friction. friction: the declared friction
-    of the shaft. direction: sign of the speed, 0 at rest.
+    mechanism: inertia and weight. load: all declared loads except the shaft's friction. friction: the declared
+    friction of the shaft. direction: sign of the speed, 0 at standstill.
     """
 
     mechanism: FloatArray
@@ -32,12 +32,12 @@ class Terms:
 
     @property
     def total(self) -> FloatArray:
-        """The predicted torque."""
+        """Predicted torque."""
         return self.mechanism + self.load + self.friction
 
 
 class TorqueTerms:
-    """Evaluates the parts for one machine; sensors play no part in it.
+    """Evaluation of the parts of one machine's torque, independent of its sensors.
 
     has_load: a load beside the shaft's friction acts. has_zero: the torque depends on the shaft's angle.
     """
@@ -57,27 +57,27 @@ class TorqueTerms:
         self._jumps = np.sort(np.mod(np.asarray(jumps, dtype=np.float64), TURN))
 
     def _load_acts(self, angles: FloatArray) -> bool:
-        """Whether the loads are more than rounding beside the mechanism's own torque; a force of 0 weighs nothing."""
+        """Return true if the loads exceed rounding beside the mechanism's own torque."""
         theta, omega = np.tile(angles, 2), np.repeat([_SPEED_RAD_S, -_SPEED_RAD_S], angles.size)
         found = self._twin.evaluate(theta, omega, np.zeros_like(theta))
         load, *own = (np.nanmax(np.abs(found[f"torque_{name}_Nm"])) for name in ("load", "inertial", "gravity"))
         return bool(load > _ROUNDING * max(own))
 
     def _depends_on(self, angles: FloatArray) -> bool:
-        """Whether the torque depends on the shaft's angle; that of a rotor without a linkage does not."""
+        """Return true if the torque depends on the shaft's angle; without a linkage it does not."""
         speed = np.full_like(angles, _SPEED_RAD_S)
         torque = self.at(angles, speed, speed**2, 0.0).total
         return bool(np.ptp(torque) > _ROUNDING * np.max(np.abs(torque)))
 
     def at(self, theta: FloatArray, omega: FloatArray, alpha: FloatArray, rest_rad_s: float) -> Terms:
-        """The parts at states (n,)."""
+        """Evaluate the parts at states (n,)."""
         out = self._twin.evaluate(theta, omega, alpha)
         direction = np.where(np.abs(omega) > rest_rad_s, np.sign(omega), 0.0)
         friction = self.viscous_Nms * omega + self.coulomb_Nm * direction
         return Terms(out["torque_inertial_Nm"] + out["torque_gravity_Nm"], out["torque_load_Nm"], friction, direction)
 
     def near_jump(self, theta: FloatArray, omega: FloatArray, guard_s: float, guard_rad: float = 0.0) -> BoolArray:
-        """Where a jump of the load is nearer than `guard_s` at the present speed, or nearer than `guard_rad`."""
+        """Return true within `guard_s`, at the present speed, or `guard_rad` of a discontinuity of the load."""
         near = np.zeros(theta.size, dtype=np.bool_)
         within = np.maximum(np.abs(omega) * guard_s, guard_rad)
         for angle in self._jumps:

@@ -1,4 +1,4 @@
-"""Uncertainties that hold under model error: residuals of one turn of the shaft count as one."""
+"""Uncertainties that hold under model error: residuals may be correlated within a turn of the shaft."""
 
 from __future__ import annotations
 
@@ -14,36 +14,36 @@ from textile_twin_core.comparison.by_turn import normals_by_turn, scores_by_turn
 from textile_twin_core.inference.robust import HUBER, robust_scale
 
 _ALONE = 1e-9
-"""What a turn leaves to the others of a parameter, below which it alone tells it, and nothing of its uncertainty."""
+"""Share of the information in the other turns below which one turn alone determines a parameter."""
 _FEW = 3.0
-"""Degrees of freedom below which turns that agree may do so by chance."""
+"""Degrees of freedom below which turns may agree by chance."""
 _UNTOLD = 0.5
-"""Share of a parameter's variance that turns must tell."""
+"""Share of a parameter's variance that the turns must determine."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A value, its standard deviation, and the interval that holds it in 95 of 100 recordings; nan where not known."""
+    """A value, its standard deviation, and its 95 % interval; nan where unknown."""
 
     value: float
     sigma: float = math.nan
     interval95: tuple[float, float] = (math.nan, math.nan)
 
     def scaled(self, factor: float, shift: float = 0.0) -> Estimate:
-        """factor * value + shift, with its uncertainty."""
+        """Return factor * value + shift, with its uncertainty."""
         ends = sorted(factor * end + shift for end in self.interval95)
         return Estimate(factor * self.value + shift, abs(factor) * self.sigma, (ends[0], ends[1]))
 
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Covariance (k, k) of k estimates, and (k,) half the width of their 95 % intervals."""
+    """Covariance (k, k) of k estimates, and half the widths (k,) of their 95 % intervals."""
 
     covariance: FloatArray
     half_width: FloatArray
 
     def wider(self, moved: Sequence[FloatArray]) -> Uncertainty:
-        """The same where other choices, no worse, move the estimates by (k,) each: a bias of that size is possible."""
+        """Widen by the moves (k,) of the estimates under other, equally good choices: each is a possible bias."""
         if not moved:
             return self
         bias = sum((np.outer(each, each) for each in moved), np.zeros_like(self.covariance))
@@ -51,7 +51,7 @@ class Uncertainty:
         return Uncertainty(self.covariance + bias, half)
 
     def estimate(self, number: int, value: float) -> Estimate:
-        """One of them with its uncertainty."""
+        """Return one estimate with its uncertainty."""
         sigma, half = math.sqrt(self.covariance[number, number]), float(self.half_width[number])
         return Estimate(float(value), sigma, (float(value) - half, float(value) + half))
 
@@ -59,19 +59,19 @@ class Uncertainty:
 def uncertainty_by_turns(
     slopes: FloatArray, residual: FloatArray, turn: IntArray, instruments: FloatArray | None = None
 ) -> Uncertainty:
-    """How uncertain estimates are whose residuals belong together within a turn.
+    """Uncertainty of estimates whose residuals are correlated within a turn.
 
     The sandwich estimator with turns as clusters in the form of Bell and McCaffrey 2002 ("CR2", unbiased when the
-    samples are independent), and Student's quantile with Satterthwaite's degrees of freedom, which they give for each
-    parameter: a run-up has few turns, and much depends on them. Two or three may agree by chance: with so few degrees
-    of freedom nothing is told surer than from independent samples. With instruments both hold for the slopes projected
-    on these (Pustejovsky and Tipton 2018, section 2.3). Huber's loss enters by pseudo-residuals. A parameter that one
-    turn alone tells has the uncertainty of independent samples.
+    samples are independent), and Student's quantile with their degrees of freedom (Satterthwaite) for each parameter,
+    which matter in a run-up of few turns. Two or three turns may agree by chance: with so few degrees of freedom the
+    uncertainty is at least that of independent samples. With instruments both use the slopes projected on them
+    (Pustejovsky and Tipton 2018, section 2.3). Huber's loss enters by pseudo-residuals. A parameter determined by one
+    turn alone has the uncertainty of independent samples.
 
     Args:
         slopes: (n, k) of the expected torque by the parameters. residual: (n,) measured less expected.
         turn: (n,) the turn to which each sample belongs.
-        instruments: (n, k) what the residual was made orthogonal to; None: the slopes, as by least squares.
+        instruments: (n, k) orthogonal to the residual; None for the slopes, as in least squares.
     """
     left = pseudo_residuals(residual)
     size = np.sqrt(np.mean(slopes**2, axis=0)) + 1e-300
@@ -96,10 +96,10 @@ def uncertainty_by_turns(
 
 
 def pseudo_residuals(residual: FloatArray) -> FloatArray:
-    """Residuals (n,) by whose least squares a fit with Huber's loss scatters (Huber 1981, section 7.6; Bickel 1976).
+    """Residuals (n,) whose least squares has the scatter of a fit with Huber's loss (Huber 1981, 7.6; Bickel 1976).
 
-    Those beyond the bound are cut to it, and all grow by the share of samples within it: each sample that is
-    cut no longer holds the estimate where it is.
+    Residuals beyond the bound are clipped to it, and all are divided by the share of samples within it, since a
+    clipped sample no longer restrains the estimate.
     """
     bound = HUBER * robust_scale(residual)
     within = float(np.mean(np.abs(residual) <= bound))
@@ -107,7 +107,7 @@ def pseudo_residuals(residual: FloatArray) -> FloatArray:
 
 
 def _inverse_root(normal: FloatArray) -> FloatArray:
-    """R with R R' the inverse of a normal matrix (k, k); nothing along what it does not tell."""
+    """Root R with R R' the pseudo-inverse of a normal matrix (k, k)."""
     size, axes = np.linalg.eigh(normal)
     told = size > 1e-13 * size[-1]
     return np.asarray(axes * np.where(told, 1.0 / np.sqrt(np.where(told, size, 1.0)), 0.0))
@@ -116,9 +116,9 @@ def _inverse_root(normal: FloatArray) -> FloatArray:
 def _by_turns(
     basis: FloatArray, residual: FloatArray, turn: IntArray, root: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Scores of the turns (m, k), adjusted for what each turn's residuals lost to the fit; degrees of freedom (k,).
+    """Scores of the turns (m, k), adjusted for the effect of each turn on the fit, and degrees of freedom (k,).
 
-    The latter nan where most of a parameter's variance comes from turns that alone tell it.
+    The latter are nan if most of a parameter's variance comes from turns that alone determine it.
     In an orthonormal basis of the slopes the hat matrix of a turn and its inverse root are k by k.
     """
     place = np.unique(turn, return_inverse=True)[1]
@@ -126,7 +126,7 @@ def _by_turns(
     share, axes = np.linalg.eigh(hat)
     lost = np.where(1.0 - share > _ALONE, 1.0 / np.sqrt(np.maximum(1.0 - share, _ALONE)), 0.0)
     adjust = np.einsum("tik,tk,tjk->tij", axes, lost, axes)
-    # Of independent residuals: variances of a parameter's adjusted scores, less what the fit makes them share.
+    # For independent residuals: variances of a parameter's adjusted scores, less their covariance due to the fit.
     weighed = np.einsum("tij,cj->tci", adjust, root)
     shared = np.einsum("tij,tcj->cti", hat, weighed)
     own, common = np.einsum("tci,cti->ct", weighed, shared), np.sum(shared**2, axis=2)

@@ -1,4 +1,4 @@
-"""A torque by shaft angle that nobody modelled: what is left over, as a smooth table with its band."""
+"""Unmodelled torque by shaft angle: the residual as a smooth table with its band."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ _WORTH = 0.01
 
 @dataclass(frozen=True)
 class UnmodelledTorque:
-    """A torque that the drive must give beside the model's, over one cycle; arrays are (points,).
+    """Torque of the drive that the model lacks, over one cycle; arrays are (points,).
 
     Attributes:
-        cycle_turns: turns of the shaft in a cycle. angle_rad: evenly over the cycle, whose first turn is that of the
-            shaft's unwrapped angle 0. torque_Nm: what is left over. band_Nm: half width that holds it in 95 of 100
-            recordings, at every angle at once.
-        share: part of the residual's mean square that it explains.
-        significant: whether it leaves its band anywhere, and explains more than a hundredth.
+        cycle_turns: turns of the shaft in a cycle. angle_rad: evenly over the cycle, whose first turn begins at the
+            shaft's unwrapped angle 0. torque_Nm: the unmodelled torque. band_Nm: half width of its 95 % band, which
+            holds for all angles together.
+        share: share of the residual's mean square that it explains.
+        significant: true if it exceeds its band anywhere and explains more than a hundredth.
     """
 
     angle_rad: FloatArray
@@ -38,7 +38,7 @@ class UnmodelledTorque:
 def unmodelled_torque(
     theta_rad: FloatArray, residual_Nm: FloatArray, turn: IntArray, cycle_turns: int = 1
 ) -> UnmodelledTorque:
-    """The Fourier series, orders 1 / cycle_turns to 16, of a residual (n,) over the shaft angle, with its band.
+    """Fit a Fourier series, orders 1 / cycle_turns to 16, to a residual (n,) over the shaft angle, with its band.
 
     The band is the 95th percentile, over a bootstrap of whole cycles, of the largest departure in units of its scatter.
     """

@@ -1,4 +1,4 @@
-"""The verdict in words: what is wrong with a record or its machine file, and what the record says of each quantity."""
+"""Verdict in words: faults of a record or its machine file, and the estimate of each quantity."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ if TYPE_CHECKING:
     from textile_twin_core.comparison.assessment import Judged
 
 FEWEST_ANGLES = 16.0
-"""Angle samples a turn below which the orders that carry torque are not seen."""
+"""Fewest angle samples a turn that resolve the orders with torque."""
 NOT_THIS_MACHINE = 0.05
-"""Share of the torque that the machine leaves unexplained and another machine could explain."""
+"""Share of the torque, unexplained by this machine, that another machine must be able to explain."""
 _NOTHING_ELSE = 0.25
 _SAME = 0.05
-"""Part of an offset in another unit by which it may differ from the configured one."""
+"""Relative difference within which an offset in another unit equals the configured one."""
 FOLLOWS_NOTHING = 0.5
-"""Share of the torque that even the best function of the angle leaves unexplained."""
+"""Share of the torque, unexplained by the best function of the angle, above which it follows no machine."""
 _CERTAIN = 4.0
-"""Standard deviations from which friction, and a force within its everyday tolerance, are named."""
+"""Standard deviations above which friction, and a force within its everyday tolerance, are named."""
 _CAUSES = {
     "force": "load_force",
     "free_force": "load_force",
@@ -56,14 +56,14 @@ _CAUSES = {
 
 @dataclass(frozen=True)
 class Cause:
-    """One thing that is wrong.
+    """One fault of the verdict.
 
     Attributes:
         cause: its name. text: for a person, with the number.
         value: rad, s, N m, or a factor, by cause; a unit's name for units.
-        sigma: standard deviation of the value given the tolerances of all else, nan where there is none.
-        parameter: dotted path into the machine file, empty where the file has no such number.
-        equivalents: paths of parameters that this record cannot tell from it.
+        sigma: standard deviation of the value given the tolerances of all other numbers, nan without one.
+        parameter: dotted path into the machine file, empty if the file has no such number.
+        equivalents: paths of parameters that this record does not distinguish from it.
     """
 
     cause: str
@@ -76,20 +76,20 @@ class Cause:
 
 @dataclass(frozen=True)
 class Quantity:
-    """A quantity that matters: its name for a person, and what the record says of it."""
+    """An estimated quantity and its name for a person."""
 
     name: str
     text: str
 
 
 def causes(found: Judged, unit: AngleUnit, per_turn: float, periodic: float) -> list[Cause]:
-    """Everything that is wrong, likeliest first.
+    """List all faults, likeliest first.
 
     Args:
         found: the record and its posterior.
         unit: of the logged angle.
         per_turn: angle samples in a turn at working speed.
-        periodic: what any periodic torque could explain (see `best_periodic`).
+        periodic: share that any periodic torque could explain (see `best_periodic`).
     """
     named = [*_discrete(found), *_departures(found)]
     if unit.name != "radians":
@@ -101,7 +101,7 @@ def causes(found: Judged, unit: AngleUnit, per_turn: float, periodic: float) -> 
     unexplained = found.unexplained
     surprising = found.posterior.surprise > IMPLAUSIBLE_NATS
     if unexplained > _NOTHING_ELSE or surprising:
-        named = []  # values that were bent to fit another machine mean nothing
+        named = []  # estimates are meaningless for another machine
     if (unexplained > NOT_THIS_MACHINE or surprising) and per_turn >= FEWEST_ANGLES:
         named.insert(0, _other_machine(found, unexplained, 1.0 - periodic, surprising))
     if per_turn < FEWEST_ANGLES:
@@ -129,7 +129,7 @@ def _other_machine(found: Judged, unexplained: float, unexplained_by_any: float,
 
 
 def _discrete(found: Judged) -> list[Cause]:
-    """Direction, gear ratio, sign and unit."""
+    """Faults of direction, gear ratio, sign and unit."""
     p, named = found.posterior, []
     if p.hypothesis.turn * p.configured.turn < 0.0:
         text = "the encoder counts against the direction that the machine file says"
@@ -155,7 +155,7 @@ def _discrete(found: Judged) -> list[Cause]:
 
 
 def _departures(found: Judged) -> list[Cause]:
-    """Departures that a person cares for, the most significant first."""
+    """Reportable departures, the most significant first."""
     p, named = found.posterior, list[tuple[float, Cause]]()
     for name in sorted(p.departing):
         away, sigma = p.departure(name), p.sigma(name)
@@ -186,7 +186,7 @@ def _speed(found: Judged) -> float:
 
 
 def _zero_departure(found: Judged) -> float:
-    """How far the zero is from the configured one [rad]; whole turns of an encoder of another ratio do not count."""
+    """Departure of the zero from the configured one [rad], without whole turns of an encoder of another ratio."""
     return _in_turn_of_encoder(found, found.posterior.departure(ZERO))
 
 
@@ -202,14 +202,14 @@ def _zero_beside(found: Judged) -> float:
 
 
 def _is_turn_of_encoder(found: Judged, zero_rad: float) -> bool:
-    """Whether a zero is off by whole turns of a wrapped encoder that turns more often than the shaft."""
+    """Return true if a zero is off by whole turns of a wrapped encoder that turns faster than the shaft."""
     turn = found.encoder_turn_rad
     near = abs(math.remainder(zero_rad, turn)) < 0.05 * turn
     return turn < 1.5 * math.pi and abs(zero_rad) > 0.5 * turn and near
 
 
 def _equivalents(found: Judged, name: str) -> tuple[tuple[str, ...], str]:
-    """Parameters that explain as well, and in words."""
+    """Parameters that explain the record equally well, as paths and in words."""
     other = found.posterior.equivalents(name)[:4]
     text = f"; not distinguishable from {', '.join(other)} in this recording" if other else ""
     return other, text
@@ -253,7 +253,7 @@ def _delay(found: Judged, name: str) -> Cause:
 
 
 def _or_inertia(found: Judged, delay_s: float) -> str:
-    """What a delay may be instead under a controller of the speed; empty where it is none."""
+    """Alternative to a delay under a speed-controlled drive, in words; empty without such a drive."""
     inertia = found.governed_Nms * delay_s / found.settings.gain
     if not inertia > 0.0:
         return ""
@@ -303,7 +303,7 @@ def _offset(found: Judged, name: str) -> Cause:
 
 
 def _is_offset_in_unit(found: Judged) -> bool:
-    """Whether an offset is the configured one in the other unit that the torque was logged in."""
+    """Return true if an offset is the configured one, expressed in the other unit of the logged torque."""
     p = found.posterior
     near = nearest_gain(p.hypothesis.gain, p.configured.gain)
     own = p.configured.offset_Nm * near.factor
@@ -325,7 +325,7 @@ def _rotor(found: Judged, name: str) -> Cause:
 
 
 def _friction_departure(found: Judged) -> tuple[float, float]:
-    """Friction at working speed beside the configured one, and its standard deviation [N m]."""
+    """Departure of the friction at working speed from the configured one, and its standard deviation [N m]."""
     settled, speed = found.settled, abs(_speed(found))
     away = settled.departure(COULOMB) + speed * settled.departure(VISCOUS)
     return away, settled.sigma({COULOMB: 1.0, VISCOUS: speed})
@@ -345,7 +345,7 @@ def _friction(found: Judged) -> Cause:
 
 
 def _of_machine(found: Judged, name: str) -> Cause:
-    """A number of the machine file that is wrong."""
+    """Cause for a wrong number of the machine file."""
     p = found.posterior
     known = p.parameter(name)
     value, sigma = found.posterior.value(name), found.posterior.sigma(name)
@@ -369,9 +369,9 @@ _ONE: dict[str, Callable[[Judged, str], Cause]] = {
 
 
 def quantities(found: Judged, verdict: Iterable[Cause]) -> tuple[Quantity, ...]:
-    """What the record says of quantities that matter, with standard deviations given the file's tolerances.
+    """Estimates of reportable quantities, with standard deviations given the file's tolerances.
 
-    Quantities that the verdict names are left out.
+    Quantities named in the verdict are left out.
     """
     p, settled, s = found.posterior, found.settled, found.settings
     one_speed, rests = found.evidence.track.at_one_speed, bool(p.measurement.record.standstills)
