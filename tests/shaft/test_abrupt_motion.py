@@ -161,7 +161,7 @@ def test_a_soft_stop_after_a_wrong_reading_is_settled_only_when_it_is_right(seed
 @pytest.mark.parametrize("brake", [4.5, 6.0, 8.0, 8.5])
 @pytest.mark.parametrize("view", ["causal", "lag", "smooth"])
 def test_a_brake_that_holds_the_shaft_within_a_few_readings(view: str, brake: float) -> None:
-    """A brake of few intervals from 200 rad/s at 500 Hz: equal readings are a standstill here, not a bus dropout."""
+    """A brake of few intervals from 200 rad/s at 500 Hz: equal readings are a standstill."""
     time, step = np.arange(700) / 500.0, TURN / 2**13
     turned = np.clip((time - 1.0) * 500.0, 0.0, brake) / 500.0
     theta = 200.0 * (np.minimum(time, 1.0) + turned - 0.5 * turned**2 * 500.0 / brake)

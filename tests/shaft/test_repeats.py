@@ -65,25 +65,6 @@ def test_outliers_at_standstill_are_no_moves_after_repetitions(seed: int) -> Non
     assert estimator.report.repeats == 0
 
 
-@pytest.mark.parametrize("length", [1, 3, 5, 8])
-@pytest.mark.parametrize("view", ["causal", "smooth"])
-def test_a_bus_that_drops_out_is_no_stop(view: str, length: int) -> None:
-    """Some readings only repeat the last one, then the motion continues as predicted."""
-    signal = make_signal(5, duration_s=16.0, dropped=0.0, bits=13)
-    stuck = signal.angles.copy()
-    for first in range(1000, stuck.size - 20, 97):
-        stuck[first : first + length] = stuck[first - 1]
-    worst = []
-    for angles in (signal.angles, stuck):
-        estimator = create_estimator(view)
-        states = [estimator.step(signal.stamps_ns, angles), estimator.finish()][view == "smooth"]
-        late = states.settled & (states.index > 900)
-        off = np.abs(states.omega_rad_s - signal.omega[states.index])[late]
-        worst.append(off.max())
-        assert np.mean(late) > 0.7
-    assert worst[1] < 2.0 * worst[0]
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_small_outliers_at_standstill_are_no_moves_after_repetitions(seed: int) -> None:
     """Ten steps of the encoder, either way, which pass the gate; the shaft is inched between standstills."""
@@ -98,13 +79,13 @@ def test_small_outliers_at_standstill_are_no_moves_after_repetitions(seed: int) 
 
 
 @pytest.mark.parametrize(("speed", "rate_hz"), [(15.0, 500.0), (40.0, 1000.0), (12.0, 50.0)])
-def test_a_dead_stop_is_a_standstill_once_it_outlasts_a_dropout(speed: float, rate_hz: float) -> None:
-    """Until then no state is settled."""
+def test_a_dead_stop_is_a_standstill_within_three_readings(speed: float, rate_hz: float) -> None:
+    """Until the third equal reading no state is settled."""
     time, step = np.arange(3000) / rate_hz, 2.0 * np.pi / 4096.0
     angles = np.round(speed * np.minimum(time, time[2000]) / step) * step
     states = create_estimator("causal").step(time, angles)
     moving = (states.index > 2000) & (np.abs(states.omega_rad_s) > 0.02 * speed)
-    assert np.sum(moving) < 12
+    assert np.sum(moving) < 4
     assert not np.any(moving & states.settled)
 
 

@@ -18,7 +18,17 @@ from textile_twin_core.shaft.measurement_noise import set_resolution
 from textile_twin_core.shaft.report import REJECTION_CAUSES, SampleReport
 from textile_twin_core.shaft.settings import ShaftSettings
 from textile_twin_core.shaft.states import INFLATION, OneState, ShaftStates
-from textile_twin_core.shaft.status import COUNTS, MOTIONS, PERSISTENT, ROW, STATE, Records, Stamps, new_status
+from textile_twin_core.shaft.status import (
+    COUNTS,
+    MOTIONS,
+    PERSISTENT,
+    ROW,
+    STATE,
+    WRAPPINGS,
+    Records,
+    Stamps,
+    new_status,
+)
 from textile_twin_core.shaft.teeth import ToothWheel
 from textile_twin_core.shaft.turns import TURN
 
@@ -131,6 +141,7 @@ class ShaftEstimator:
             stamp_jitter_s=float(np.sqrt(now["jitter"])),
             pitch_errors_rad=() if self._wheel is None else tuple(self._wheel.errors_rad.tolist()),
             ripple=tuple(_ripple_amplitudes(self._status).tolist()),
+            wrapping=WRAPPINGS[int(now["wrapping"])],
             state="lost" if state == "starting" and now["losses"] > 0 else state,
             **{name: int(now[name]) for name in COUNTS},
         )

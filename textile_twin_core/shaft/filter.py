@@ -15,12 +15,12 @@ from textile_twin_core.shaft.kalman import time_update
 from textile_twin_core.shaft.residual_orders import add_systematic, average_orders, set_systematic
 from textile_twin_core.shaft.status import MANOEUVRE, RUNNING, STANDSTILL, STARTING, Record, Records, Stamps
 from textile_twin_core.shaft.turns import TURN, split_turn
+from textile_twin_core.shaft.unwrapping import USUAL_STEP, begin_unwrapping, unwrap_move, unwrap_reading
 
 LARGEST = 1e12  # angle [rad] and stamp [s]: larger ones are no motion, and their squares would overflow
 # [1/rad] the gate: density of outliers, one sample in 130 within a radian, without the constant 0.38 of Student's t
 OUTLIER_DENSITY = 0.02
 GAP_SAMPLES = 50.0  # intervals without a sample that make a gap
-FAR_ROUND = 2.0  # periods from the encoder's 0 beyond which a first reading is not wrapped
 MAX_SPREAD = 1.0 / 6.0  # sigma of a predicted angle, in periods, from which the turn of a wrapped angle is ambiguous
 # of a converged state, relative to the speed; that at least, as part of full speed
 MAX_SPEED_SIGMA, LEAST_SPEED = 0.25, 0.3
@@ -29,7 +29,6 @@ MAX_STEP_INNOVATION = (  # moves per interval; a rejected reading within it stil
     1.5  # moves per interval, innovation up to which a rejected measurement still tells the encoder's step
 )
 BUNCHED = 0.1  # part of the mean interval: readings closer in time arrived late, together, and are not used
-USUAL_STEP = 1.5  # intervals up to which no sample is missing between two readings
 MOST_GAIN = 0.2  # maximum weight of a single move in their mean
 FORGET_NOISE = 0.9  # decay, per sample, of the noise that the process noise is relative to
 ADAPT_EVERY = 32.0  # samples between two adaptations of the jitter
@@ -78,17 +77,16 @@ def process_sample(record: Records, block: Block, i: int, row: Record) -> bool:
     row.noise, row.cut, row.intensity, row.residual = 0.0, 0.0, 0.0, 0.0
     if status.samples == 1.0:
         status.origin, status.time = turns, 0.0
-        status.angle = status.low = status.high = phase
-        row.reading, row.angle, row.origin = phase, phase, turns
-        if status.auto > 0.0 and abs(angle - status.encoder_zero) > FAR_ROUND * status.period:
-            status.period = 0.0
+        status.angle = row.reading = row.angle = phase
+        row.origin = turns
+        begin_unwrapping(status, angle, phase)
         put_angle(row, phase)
     else:
         status.time += step
         status.longest = max(status.longest, step)
         row.step, row.time, row.correlated = step, status.time, status.correlated
         if status.samples == 2.0:
-            reading = measurement_noise.unwrap_reading(status, raw, status.angle)
+            reading = unwrap_reading(status, raw, status.angle)
             outlier_gate.initiate(status, step, reading, (reading - status.angle) / step, row)
         else:
             _process_reading(record, step, raw, row)
@@ -141,7 +139,7 @@ def _process_reading(record: Records, step: float, raw: float, row: Record) -> N
     expected = outlier_gate.predicted_angle(status, step)
     if gap and status.since > 1.0:
         status.gaps += 1.0
-        expected = measurement_noise.unwrap_reading(status, raw, expected)
+        expected = unwrap_reading(status, raw, expected)
         if status.since < measurement_noise.SETTLING or not outlier_gate.is_predicted(status, step, expected):
             outlier_gate.bridge_gap(status, step, raw, row)
             return
@@ -151,7 +149,10 @@ def _process_reading(record: Records, step: float, raw: float, row: Record) -> N
     aliased = status.period > 0.0 and 2.0 * abs(status.speed) * longest > status.period
     # Speeds above half a period per interval are ambiguous in a wrapped angle; a gap right after a gap was none.
     begins = (aliased and not bunched) or (gap and status.since <= 1.0)
-    reading = measurement_noise.unwrap_reading(status, raw, status.last_reading if begins else expected)
+    if begins or bunched:
+        reading = unwrap_reading(status, raw, status.last_reading if begins else expected)
+    else:
+        reading = unwrap_move(status, raw, expected, step)
     innovation, rate = reading - expected, math.nan
     if begins and (reading != status.last_reading or status.repeat_share <= measurement_noise.REPEATING):
         rate = (reading - status.last_reading) / (step * (1.0 + status.repeat_run))

@@ -1,4 +1,4 @@
-"""Measurement noise: its model and adaptation; unwrapping; sensors that repeat a value."""
+"""Measurement noise: its model and adaptation; sensors that repeat a value."""
 
 from __future__ import annotations
 
@@ -38,20 +38,6 @@ LEAST_JITTER = 0.01  # least part of the estimated noise that counts as jitter
 FOURTH = 70.0  # variance of the fourth differences of white noise of variance 1
 MOST_WHITE, FORGET_WHITE = 2.0, 0.5  # bound of jitter in estimates of white noise; their decay per adaptation
 FORGET_SPEED = 0.99  # decay of the full speed per adaptation
-
-
-@compiled_in_place
-def unwrap_reading(status: Record, raw: float, expected: float) -> float:
-    """Unwrap a reading [rad] to the turn nearest the prediction; readings that span over a period are not wrapped."""
-    if status.auto > 0.0 and status.period > 0.0:
-        # An outlier is alone: the range is that of pairs in a row, except for the first few readings.
-        before = status.last_reading - status.slips if status.samples > SETTLING else raw
-        status.low, status.high = min(status.low, max(raw, before)), max(status.high, min(raw, before))
-        if status.high - status.low > 1.25 * status.period:
-            status.period = status.slips = 0.0
-    if status.period > 0.0:
-        status.slips = status.period * np.rint((expected - raw) / status.period)
-    return float(raw + status.slips)
 
 
 @compiled_in_place

@@ -11,9 +11,10 @@ from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import filter_bank, layout, measurement_noise
 from textile_twin_core.shaft.clock import copy_numbers, wave_at
 from textile_twin_core.shaft.kalman import time_update
-from textile_twin_core.shaft.measurement_noise import LARGE_MOVE_GUESSED, REPEATING, SETTLING
+from textile_twin_core.shaft.measurement_noise import REPEATING, SETTLING
 from textile_twin_core.shaft.model_bank import FIRST_IDLE, UNBIASED
 from textile_twin_core.shaft.status import MANOEUVRE, STRETCH, TRACK, Record, Records
+from textile_twin_core.shaft.unwrapping import MAX_GAP_SIGMA, MAX_SPEED_RATIO, unwrap_reading
 
 MAX_OUTLIERS = 2  # consecutive readings rejected as outliers before a manoeuvre may be declared
 MAX_UNCONFIRMED = 9  # rejected readings, less those accepted since, beyond which the track is lost
@@ -27,9 +28,6 @@ OUTLIER_WEIGHT = 3.0  # weight of an outlier in `abrupt`; a manoeuvre has 1
 SLIPPED = 0.25  # part of an innovation by which innovations of a slipped encoder differ at most
 SLIPS_APART = 15.0  # samples between two slips in the same direction
 GROWTH = 1.25  # ratio of two successive innovations from which they grow as in a manoeuvre
-# of the highest speed so far, above which one rejection more is needed: outliers line up by chance
-MAX_SPEED_RATIO = 2.0
-MAX_GAP_SIGMA = 0.05  # [rad] predicted across a gap: at most 1 in 20 other motions passes a gate of 3 sigma by chance
 RUNAWAY = 8.0  # ratio of the predicted to the mean measured move that no real shaft keeps up
 FALSE_START = 4.0  # innovation, in deviations from the line through the latest readings
 SENSOR_SPEED_SIGMA = 0.02  # relative standard deviation of a sensor's own speed
@@ -165,11 +163,8 @@ def accept_manoeuvre(record: Records, reading: float, innovation: float, step: f
         bend = innovation - 2.0 * status.last_innovation + status.innovation_before
         on_line = abs(bend) <= 0.5 * max(abs(innovation), abs(status.innovation_before))
         straight = one_side and on_line and status.rejected_run >= MAX_OUTLIERS
-    # A bus dropout repeats a reading behind a shaft that moves by many encoder steps; at a stop more readings repeat.
-    behind = innovation * status.moved < 0.0 and abs(status.moved) > LARGE_MOVE_GUESSED * status.resolution
-    dropout = behind and status.repeat_run > status.rejected_run
     too_fast = not slipped and 0.0 < MAX_SPEED_RATIO * status.fastest < abs(status.speed + grown / span)
-    if not straight or dropout or (too_fast and status.rejected_run <= MAX_OUTLIERS):
+    if not straight or (too_fast and status.rejected_run <= MAX_OUTLIERS):
         row.noise = 0.0
         _reject(status, innovation, step)
         none = status.rejected_run > (MAX_UNCONFIRMED if slipped else MAX_OUTLIERS)
@@ -264,7 +259,7 @@ def is_predicted(status: Record, step: float, reading: float) -> bool:
 @compiled_in_place
 def bridge_gap(status: Record, step: float, raw: float, row: Record) -> None:
     """Continue after a gap: keep the ripple, move the angle to the reading, inflate the state's covariance."""
-    reading = measurement_noise.unwrap_reading(status, raw, status.angle + status.speed * step)
+    reading = unwrap_reading(status, raw, status.angle + status.speed * step)
     row.unit = measurement_noise.measurement_variance(status)
     row.reading, row.cut, row.noise = reading, STRETCH, row.unit * status.scale[status.best[status.leading]]
     by_rate = 0.5 * abs(status.speed) + math.sqrt(row.noise) / status.interval

@@ -33,6 +33,7 @@ class SampleReport:
         pitch_errors_rad: of each tooth, configured or estimated; empty for sampled angles.
         ripple: amplitude of the speed's ripple relative to the speed, by multiples of the lowest order,
             1 / cycle_turns; empty without ripple.
+        wrapping: wrapped, unwrapped, or open while no reading has shown it.
         state: waiting, starting, running, standstill or lost (restarted within the last 25 samples).
     """
 
@@ -53,6 +54,7 @@ class SampleReport:
     stamp_jitter_s: float = 0.0
     pitch_errors_rad: tuple[float, ...] = ()
     ripple: tuple[float, ...] = ()
+    wrapping: str = "open"
     state: str = "waiting"
 
     @property

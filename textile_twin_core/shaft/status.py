@@ -19,6 +19,9 @@ Stamps: TypeAlias = npt.NDArray[Any]  # int64 nanoseconds or float64 seconds
 STARTING, RUNNING, STANDSTILL = 0.0, 1.0, 2.0
 MOTIONS = ("starting", "running", "standstill")
 
+OPEN, WRAPPED, UNWRAPPED = 0.0, 1.0, 2.0  # whether the angle is wrapped
+WRAPPINGS = ("open", "wrapped", "unwrapped")
+
 MANOEUVRE, STRETCH, TRACK = 1.0, 2.0, 3.0
 """Cuts of a row: end of a manoeuvre that began with the rejected readings before; restart of angle; of the track."""
 
@@ -26,7 +29,7 @@ COUNTS = ("accepted", "repeats", "gaps", "jumps", "outliers", "reversals", "stan
 PERSISTENT = (
     *COUNTS, "received", "not_finite", "duplicate_stamp", "older_stamp", "longest", "interval", "jitter",
     "jitter_configured", "unit", "motion", "speed", "leading", "best", "waves", "ripple", "sensor_ripple", "guessed",
-    "resolution",
+    "resolution", "wrapping",
 )  # fmt: skip
 """Fields that persist beyond the end of a record."""
 
@@ -42,6 +45,7 @@ _NUMBERS = (
     "origin",  # whole turns of the first reading
     "period", "slips",  # period of wrapped readings, 0 if unwrapped; sum added by unwrapping [rad]
     "auto", "low", "high",  # 1 if wrapping is decided by the readings, and their range [rad]
+    "wrapping",  # OPEN, WRAPPED or UNWRAPPED
     "encoder_zero",  # angle at which the encoder reads 0 [rad]
     "edges", "resolution", "guessed",  # 1 for edges of teeth; encoder's step [rad], 1 if unknown
     "lone_move",  # last move if it ended a standstill, else 0 [rad]
