@@ -3,7 +3,7 @@
 This module is optional. `compiling` uses it with the numba releases that it was written for (`SUPPORTED`), and numba's
 public `njit` with every other release. Results are the same; compiling takes about a third of the time with it, since
 
-- numba's own way emits machine code and Python wrappers for every function, and again wherever one calls another;
+- numba itself emits machine code and Python wrappers for every function, and again wherever one calls another;
 - numba passes each array of a named tuple as seven separate values.
 """
 

@@ -2,8 +2,8 @@
 
     python -m tests.benchmarks.curve_search
 
-The task: 24 points on the coupler curve of a known crank-rocker. pylinkage's particle swarm is told the fixed pivots
-and the ranges of the five lengths and angles; our search is told the points alone. Processor time, one process.
+The task: 24 points on the coupler curve of a known crank-rocker. pylinkage's particle swarm gets the fixed pivots
+and the ranges of the five lengths and angles; our search gets the points alone. Processor time, one process.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""How soon the design page follows a slider, in a real headless Chromium: python -m tests.benchmarks.design_page
+"""Latency of the design page behind a slider, in a real headless Chromium: python -m tests.benchmarks.design_page
 
 For each machine: milliseconds from the slider's event to the painted curves and numbers, by the page's own clock,
-median and 95th percentile, with the server's share and the drawing's. Then the same while it is dragged without rest.
+median and 95th percentile, with the server's share and the drawing's. Then the same while it is dragged steadily.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def main() -> None:
 
 
 def _cold() -> None:
-    """What the page does while the loops of the needle transfer are compiled."""
+    """Measure the page while the loops of the needle transfer are compiled."""
     with tempfile.TemporaryDirectory() as empty, served("tufting", TEXTILE_TWIN_CACHE_DIR=empty) as (_, address):
         page = Page()
         page.driver.set_script_timeout(60)

@@ -86,7 +86,7 @@ def endurance(suite: Suite, minutes: float, rate_hz: float) -> None:
 
 
 def _samples(recorded: Bag, rate_hz: float) -> list[str]:
-    """What became of the samples, by the recording."""
+    """Counts of samples, by the recording."""
     arrived = {topic: _log_times(recorded, topic) for topic in (ANGLE, PREDICTED)}
     lines = [f"{'topic':28} {'messages':>9} {'lost':>5} {'doubled':>8}"]
     for topic, times in arrived.items():

@@ -21,7 +21,7 @@ from textile_twin_core.machine import Machine
 
 
 def found_in(run: EngineRun, machine: Machine) -> DrivenSpeed:
-    """What one run tells."""
+    """Result of one run."""
     encoder = replace(machine.sensors.encoder, zero_rad=run.tdc_rad)
     stamps, gas = (np.rint((time + 1.0) * 1e9).astype(np.int64) for time in (run.time_s, run.gas_time_s))
     readings = Readings(stamps, run.angle_rad, gas, run.gas_torque_Nm)

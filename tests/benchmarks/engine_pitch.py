@@ -1,4 +1,4 @@
-"""How far the engine's teeth stand from their nominal places, from the recordings alone."""
+"""Pitch errors of the engine's teeth, from the recordings alone."""
 
 from __future__ import annotations
 

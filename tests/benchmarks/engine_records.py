@@ -58,7 +58,7 @@ class EngineRun:
     tdc_rad: float
 
     def save(self, file: Path) -> None:
-        """As .npz."""
+        """Save as .npz."""
         np.savez(file, **{field.name: getattr(self, field.name) for field in fields(self)})
 
     @classmethod

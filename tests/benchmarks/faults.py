@@ -38,7 +38,7 @@ def hours(first: int, last: int) -> None:
 
 
 def pairs(first: int, last: int) -> None:
-    """Print the pairs of a middle and a large fault, 30 s apart, that are not told one after the other."""
+    """Print the pairs of a middle and a large fault, 30 s apart, that are not reported one after the other."""
     right, seen = 0, 0
     # Behind a value that stands still nothing shows.
     for seed, (one, two) in product(range(first, last), permutations(SIZES, 2)):

@@ -85,7 +85,7 @@ def feed(suite: Suite, rate_hz: float) -> Program:
 
 
 def kills(suite: Suite, times: int) -> None:
-    """What was published more than half a second before the kill is on the disk, without a hole."""
+    """Check that the disk has all messages published more than half a second before the kill."""
     choice = random.Random(1)
     feed(suite, 1000.0)
     latest, first, holes = [], [], 0

@@ -1,4 +1,4 @@
-"""How long a fresh process takes to its first prediction, with nothing compiled yet and with all of it, part by part.
+"""Time of a fresh process to its first prediction, before and after compilation, part by part.
 
 Run from the root of the repository: python -m tests.benchmarks.first_prediction [MACHINE ..]
 

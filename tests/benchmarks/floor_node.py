@@ -16,7 +16,7 @@ JOINTS = ["main_shaft", "coupler", "rocker", "rod", "needle_bar"]
 
 
 def main() -> None:
-    """Copy stamps until told to end."""
+    """Copy stamps until the end."""
     rclpy.init()
     node = Node("floor_node")
     joints = JointTemplate(JOINTS).full_message(0, [0.0] * len(JOINTS), [0.0] * len(JOINTS))

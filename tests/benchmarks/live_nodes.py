@@ -1,4 +1,4 @@
-"""What a live sample costs: twin_node beside a bare node with the same traffic, taking turns in one run.
+"""Cost of a live sample: twin_node beside a bare node with the same traffic, taking turns in one run.
 
 Run from the root of the repository: python -m tests.benchmarks.live_nodes [--rates 500 1000] [--machine FILE]
 
@@ -62,7 +62,7 @@ class Answers:
         return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
     def measure(self, rate_hz: float, seconds: float, first: int) -> int:
-        """Send so many seconds of samples, the first of this running number; the number of the next."""
+        """Send a number of seconds of samples, the first of this running number; the number of the next."""
         count = round(rate_hz * seconds)
         sent: dict[int, int] = {}
 

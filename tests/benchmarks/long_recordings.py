@@ -1,4 +1,4 @@
-"""An hour of a machine: time and memory of `replay`, and of `compare` with its pictures, the shaft's share told apart.
+"""An hour of a machine: time and memory of `replay`, and of `compare` with its pictures, with the shaft's share.
 
 Run from the root of the repository: python -m tests.benchmarks.long_recordings [--minutes 60] [--rate 500]
 

@@ -1,4 +1,4 @@
-"""What it costs to write and read recordings: a million JointStates, ours beside rosbags, mcap and rerun.
+"""Cost of writing and reading recordings: a million JointStates, ours beside rosbags, mcap and rerun.
 
 Run from the root of the repository: python -m tests.benchmarks.recordings [MESSAGES]
 Times are those of the processor, memory is the maximum of a fresh process that does this alone. mcap_ros2 is beside

@@ -1,6 +1,6 @@
 """The picture of docs/shaft.md: the acceleration of a tufting machine's shaft, true and estimated from its encoder.
 
-The motion is that of `ttc.drive`: a motor with slip, a flywheel, the needles' way through the backing.
+The motion is that of `ttc.drive`: a motor with slip, a flywheel, the needles' path through the backing.
 
     python -m tests.benchmarks.shaft_picture docs/shaft.png
 """

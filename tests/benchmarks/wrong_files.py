@@ -77,7 +77,7 @@ def wrong(seeds: range) -> None:
 
 
 def tolerances(seeds: range) -> None:
-    """How often the 95 % intervals of calibrate hold the truth with files that are off within their tolerances."""
+    """Coverage of the 95 % intervals of calibrate with files that are off within their tolerances."""
     held: dict[tuple[str, str], list[bool]] = {}
     for case in (healthy(machine, seed) for seed in seeds for machine in ("tufting", "loom")):
         machine = off_within_tolerances(case)

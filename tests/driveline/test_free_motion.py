@@ -96,7 +96,7 @@ def test_a_free_chain_agrees_with_an_independent_integrator(
 
 
 def test_dry_friction_holds_and_lets_go() -> None:
-    """A shaft at rest moves only once the torque passes its friction."""
+    """A shaft at standstill moves only once the torque passes its friction."""
     still = replace(machine(np.ones(3), np.zeros(3)), loads=(ShaftFriction(coulomb_Nm=10.0),), gravity_m_s2=(0.0, 0.0))
     ramp = ttc.TorqueOverTime((0.0, 1.0), (0.0, 40.0))
     t = np.linspace(0.0, 0.6, 301)

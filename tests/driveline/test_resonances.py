@@ -105,7 +105,7 @@ def test_a_chain_of_seventeen_discs_has_the_frequencies_of_opentorsion() -> None
 
 
 def test_a_shape_has_the_angles_of_the_stations_behind_gears() -> None:
-    """In the lowest mode the springs carry little torque where little moves: shape over gear ratio is smooth."""
+    """The springs carry little torque where little moves in the lowest mode: shape over gear ratio is smooth."""
     mode = find_modes(bare_shaft(bench()))[0]
     assert np.abs(mode.shape).max() == 1.0
     assert mode.shape[12] == pytest.approx(mode.shape[11] / 3.0, rel=1e-2)

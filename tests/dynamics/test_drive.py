@@ -224,7 +224,7 @@ def test_a_linkage_driven_into_its_toggle_says_where(loads: tuple[Load, ...]) ->
 
 
 def test_two_planes_of_the_backing_are_met_in_both_directions() -> None:
-    """When the shaft turns back, the needle enters at the exit plane: the planes exchange their roles."""
+    """The needle enters at the exit plane when the shaft turns back: the planes exchange their roles."""
     backing = Backing("needle", 300.0, 0.5565, 0.5585, 20.0)
     machine = dataclasses.replace(TUFTING, loads=(backing,), bodies=(*TUFTING.bodies, Body.flywheel(0.5)))
     twin = ttc.compile(machine, ["needle_position_m"], method="exact")

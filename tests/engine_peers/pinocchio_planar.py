@@ -109,7 +109,7 @@ class PlanarTree:
         return place
 
     def _assemble(self, data: Any, theta: float, q: Floats) -> Floats:
-        """Newton's method on the cut pins, the driven joint held at theta."""
+        """Newton's method on the cut pins, the driven joint fixed at theta."""
         q[0] = theta
         for _ in range(50):
             pin.forwardKinematics(self.model, data, q)

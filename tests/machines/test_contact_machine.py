@@ -49,7 +49,7 @@ def test_a_pick_at_uniform_nominal_acceleration() -> None:
 
 
 def test_a_buffer_and_a_stop_send_it_back() -> None:
-    """On an elastic buffer it stays half a period; a stop gives back its restitution."""
+    """It stays half a period on an elastic buffer; a stop gives back its restitution."""
     buffer = Pad("buffer", FRAME, "picker", 0.19, (3e4,))
     rear = Stop("rear", "picker", FRAME, 0.0, 0.25)
     machine = picker(springs=(), pads=(buffer, Pad("strap", "picker", "stick", 0.0, (24e3,))), stops=(rear,))

@@ -74,7 +74,7 @@ def test_eq_35_with_its_wrong_sign() -> None:
 
 
 def test_equations_at_constant_speed_only() -> None:
-    """With a shaft acceleration the machine's a2 is not that of Eq. 12."""
+    """The machine's a2 is not that of Eq. 12 with a shaft acceleration."""
     machine = tufting()
     name = "alpha_2_rad_s2"
     free, pushed = (compile_machine(machine, [name]).evaluate(0.3, W1, alpha)[name] for alpha in (0.0, 50.0))

@@ -45,7 +45,7 @@ def bounds(joint: Xml.Element) -> tuple[float, float, float]:
 
 @pytest.mark.parametrize("name", ["tufting", "handloom_beatup", "elliptic_gear_beatup"])
 def test_limits_are_those_of_the_motion(name: str) -> None:
-    """No position of a turn lies outside, both limits are reached, and a joint without limits turns fully."""
+    """Every position of a turn lies inside, both limits are reached, and a joint without limits turns fully."""
     machine = ttc.machines.create(name)
     assert isinstance(machine, ttc.Machine)
     moving = [joint.name for joint in machine.joints if joint.kind != "fixed"]

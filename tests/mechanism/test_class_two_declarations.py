@@ -218,7 +218,7 @@ def test_a_ratio_that_is_no_whole_number_holds_over_a_part_of_a_turn() -> None:
 
 
 def test_three_to_two_as_the_message_advises() -> None:
-    """With a main shaft that turns once per cycle, both shafts make whole turns."""
+    """Both shafts make whole turns with a main shaft that turns once per cycle."""
     fast = GearPair("fast", "Z", "O", "A", 0.06, (60, 20), "main_shaft", internal=True, phase_rad=0.2)
     slow = GearPair("slow", "Z", "C", "D", 0.05, (40, 20), "main_shaft", internal=True, phase_rad=0.4, mesh="M")
     dyad = RRRDyad("coupler", "rocker", "A", "D", "B", (0.23, 0.2))

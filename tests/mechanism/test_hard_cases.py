@@ -162,7 +162,7 @@ def test_four_bars_after_many_turns(turns: float) -> None:
 def test_passing_change_points_keeps_every_digit(
     proportions: tuple[float, ...], branch: str, ground_angle: float
 ) -> None:
-    """On both sides of a change point the linkage agrees with 60 digits, with its side there."""
+    """The linkage agrees with 60 digits on both sides of a change point, with its side there."""
     l1, l2, l3, g = proportions
     for end, distance in itertools.product((0.0, math.pi, 2.0 * math.pi, -math.pi), DISTANCES):
         theta = end + distance

@@ -1,4 +1,4 @@
-"""What is heard of a bridge to a PLC: angles and torques that it takes in, predictions, its own diagnostics."""
+"""Messages of a bridge to a PLC: its angles and torques, predictions, its own diagnostics."""
 
 from __future__ import annotations
 

@@ -114,7 +114,7 @@ class Suite:
         return future.result()
 
     def words(self) -> str:
-        """What all processes have said."""
+        """Output of all processes."""
         return "\n".join(program.words() for program in self.processes)
 
     def close(self) -> None:
@@ -148,7 +148,7 @@ class Program:
             self.process = subprocess.Popen(command, stdout=stream, stderr=subprocess.STDOUT, env=environment)
 
     def words(self) -> str:
-        """What it has said so far."""
+        """Its output so far."""
         return self._log.read_text(errors="replace")
 
     def wait(self) -> int:
@@ -203,7 +203,7 @@ def write_bag(path: Path, stamps: Any, angles: Any, torques: Any | None = None) 
 
 
 def recorded(path: Path, topic: str | None = None) -> int:
-    """Messages of a recording that is being written, or of one topic; 0 while nothing of it is on the disk."""
+    """Messages of a recording that is being written, or of one topic; 0 while the disk has no such message."""
     try:
         bag = open_bag(path)
         return bag.message_count if topic is None else bag.topics[topic].count

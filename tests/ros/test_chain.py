@@ -58,7 +58,7 @@ def play_through(suite: Suite, bag: Path, rate: float, *twin_parameters: str) ->
 
 @dataclass
 class Chain:
-    """What was played, what the engine makes of it offline, and the recording of the nodes' topics."""
+    """Played recording, offline result of the engine, and the recording of the nodes' topics."""
 
     stamps: IntArray
     angles: FloatArray
@@ -121,7 +121,7 @@ def test_residual_is_measured_minus_the_prediction_at_the_sensors_time(chain: Ch
     sent = np.searchsorted(chain.stamps + 1_000_000, residual.stamps)
     np.testing.assert_array_equal(chain.stamps[sent] + 1_000_000, residual.stamps)
     np.testing.assert_allclose(residual.torque_Nm, chain.measured[sent] - expected, rtol=0.0, atol=1e-9)
-    # Angles that a busy twin reads before the first torque of all have no residual: then there are none to compare yet.
+    # Angles that a busy twin reads before the first torque of all have no residual: then they cannot be compared yet.
     began = sent[0]
     assert began < len(chain.stamps) // 2
     # None for the last sample, nor in the intervals in which the needle enters or leaves.

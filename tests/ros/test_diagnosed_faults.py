@@ -72,7 +72,7 @@ FAULTS: dict[str, tuple[Callable[[int], JointState], str]] = {
 
 
 def received(status: DiagnosticStatus) -> int:
-    """How many messages of its topic a status speaks of."""
+    """Number of messages of its topic in a status."""
     return next(int(entry.value) for entry in status.values if entry.key == "received")
 
 

@@ -1,4 +1,4 @@
-"""Every node ends with exit code 0 on SIGINT and SIGTERM, in both executors, and a mistake is told in one line."""
+"""Every node ends with exit code 0 on SIGINT and SIGTERM, in both executors, and a mistake gives one line."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ class Loom:
 
 
 def survive(suite: Suite, kills: int, faults: int) -> FaultBook:
-    """The book after so many faults that came and went, with the kills spread over their times of coming and going."""
+    """Book after a number of faults that came and went, with the kills spread over their begins and ends."""
     book = FaultBook(suite.folder / "book", create=True)
     own = [f"book:={book.folder}"]
     parameters = {
@@ -101,7 +101,7 @@ def survive(suite: Suite, kills: int, faults: int) -> FaultBook:
 
 
 def has_learnt(file: Path) -> bool:
-    """Whether a monitor has entered its band."""
+    """Return whether a monitor has entered its band."""
     with closing(sqlite3.connect(file, timeout=10.0)) as base:
         return bool(base.execute("SELECT count(*) FROM memories").fetchone()[0])
 

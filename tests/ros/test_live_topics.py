@@ -1,4 +1,4 @@
-"""What comes on live topics: nothing, bad samples, other types, best effort, namespaces, a recording once more."""
+"""Cases of live topics: silence, bad samples, other types, best effort, namespaces, a recording once more."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def test_bad_samples_are_rejected_and_counted(suite: Suite) -> None:
         bad_stamps.insert(place, stamp)
         bad_angles.insert(place, angle)
     bench.send(bad_stamps[:250], bad_angles[:250])
-    # A speed divided by no time, and a stamp that is none.
+    # A speed divided by no time, and an invalid stamp.
     bench.angle.publish(joint_state(bad_stamps[250], bad_angles[250], velocity=math.inf))
     no_stamp = joint_state(0, 1.0)
     no_stamp.header.stamp.sec, no_stamp.header.stamp.nanosec = 2**31 - 1, 2**32 - 1

@@ -91,7 +91,7 @@ def monitor_in_here(folder: Path, patch: pytest.MonkeyPatch, *parameters: str) -
 
 
 def give(node: MonitorNode, made: MillRecording, later_ns: int = 0) -> None:
-    """What the node's inputs would have taken of a recording since the last look."""
+    """Give the node's inputs the messages of a recording since the last look."""
     angles = zip(made.angle_stamps_ns + later_ns, made.angle, strict=True)
     node._angles.extend((int(stamp), float(angle), math.nan) for stamp, angle in angles)
     torques = zip(made.torque_stamps_ns + later_ns, made.torque, strict=True)

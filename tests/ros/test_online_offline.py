@@ -34,7 +34,7 @@ def rough_shaft() -> tuple[IntArray, FloatArray]:
 
 
 def offline(name: str, stamps: IntArray, angles: FloatArray, outputs: list[str]) -> tuple[list[int], list[FloatArray]]:
-    """What an offline session makes of the same samples sent twice."""
+    """Result of an offline session with the same samples sent twice."""
     session = ttc.compile(ttc.machines.create(name), outputs=outputs).session(shaft="causal")
     first = session.step(np.concatenate([stamps, stamps[:KNOWN_AFTER]]), np.concatenate([angles, angles[:KNOWN_AFTER]]))
     session.reset()

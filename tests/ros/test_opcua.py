@@ -36,7 +36,7 @@ VARIABLES = {
 
 
 def free_port(port: int = 0) -> int:
-    """A port of this computer that nobody listens on."""
+    """A closed port of this computer."""
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         probe.bind(("127.0.0.1", port))
@@ -97,12 +97,12 @@ class Plc:
 
 
 def angle(number: int) -> float:
-    """In tenths of a degree; it stands still for a while."""
+    """Angle in tenths of a degree; it stands still for a while."""
     return float(np.float32(48.0 * (number if number < 300 else max(300, number - 50)) % 3600.0))
 
 
 def load(number: int) -> float:
-    """In amperes."""
+    """Load in amperes."""
     return 10.0 + 3.0 * float(np.sin(0.1 * number))
 
 
@@ -135,7 +135,7 @@ def test_a_machine_behind_an_opc_ua_server(suite: Suite, plc: Plc) -> None:
     first = round(START.timestamp()) * SECOND_NS
 
     def all_here(number: int) -> bool:
-        """Whether this sample has come, with its torque and its prediction."""
+        """Return whether this sample has come, with its torque and its prediction."""
         stamp = first + number * round(SECOND_NS / RATE_HZ)
         return all(heard and stamp_of(heard[-1]) == stamp for heard in (angles, torques, predicted))
 
@@ -215,7 +215,7 @@ def test_a_variable_that_is_not_there(suite: Suite, plc: Plc) -> None:
 
 @pytest.mark.slow
 def test_a_server_that_refuses_predictions_gives_angles_all_the_same(suite: Suite, plc: Plc) -> None:
-    """Its own level of service is nobody's to write."""
+    """Clients cannot write the server's own level of service."""
     heard = Bridged(suite.node(), "opcua_node: plc")
     words = ["angle:='ns=2;s=Angle'", "predicted:='i=2267'", "timeout_s:=20.0", "allow_insecure:=true"]
     bridge = suite.start("opcua_node", f"url:=opc.tcp://127.0.0.1:{plc.port}", *words)

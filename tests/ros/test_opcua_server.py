@@ -84,7 +84,7 @@ def started(suite: Suite, keys: Keys, *parameters: str) -> str:
 
 
 def reach_an_encrypted_client(suite: Suite, keys: Keys, samples: int) -> None:
-    """Publish so many samples of all topics at 100 Hz: each value arrives once, in its order, with its stamp."""
+    """Publish a number of samples of all topics at 100 Hz: each value arrives once, in its order, with its stamp."""
     outside = Outside(started(suite, keys, "no_data_timeout_s:=1.0"), keys)
     try:
         outside.call(outside.subscribe("loom_3"))

@@ -1,4 +1,4 @@
-"""A node that gets too little processor time says so while it lasts, and ends when it is told to."""
+"""A node that gets too little processor time says so while it lasts, and ends on request."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ RATE_HZ = 2000.0
 
 @contextmanager
 def meanwhile(work: Callable[[threading.Event], None]) -> Iterator[None]:
-    """Do something else until it is told to stop."""
+    """Do something else until it is stopped."""
     stop = threading.Event()
     thread = threading.Thread(target=work, args=(stop,))
     thread.start()

@@ -1,4 +1,4 @@
-"""What a machine's recorder takes: its own topics and those shared by all, and nothing of the machine beside it."""
+"""Topics of a machine's recorder: its own and the shared ones, not those of another machine."""
 
 from __future__ import annotations
 

@@ -114,11 +114,11 @@ def test_a_machine_behind_a_plc(suite: Suite, plc: Plc) -> None:
     loads = np.float32(10.0 * np.sin(np.arange(5000) * 0.0838))
 
     def shown(number: int) -> bool:
-        """Whether the latest angle is that of a cycle."""
+        """Return whether the latest angle is that of a cycle."""
         return bool(angles) and round(angles[-1].position[0] * 2**20 / (2 * np.pi)) == counts[number]
 
     def all_here(cycles: int) -> bool:
-        """Whether the bridge accounts for every cycle and the sample before them, and the latest has come whole."""
+        """Return whether every cycle and the sample before is accounted for, and the latest is complete."""
         latest = {stamp_of(heard[-1]) if heard else None for heard in (angles, torques, predicted)}
         accounted = bool(told) and counted()["received"] + counted()["missed"] == 1 + cycles
         return accounted and shown(cycles - 1) and len(latest) == 1

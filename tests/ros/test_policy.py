@@ -1,4 +1,4 @@
-"""The SROS2 policy that policy.sh prints, held against what the nodes really publish, hear and offer."""
+"""The SROS2 policy that policy.sh prints, compared with what the nodes publish, hear and offer."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SPACE = "/loom_3"
 
 
 def printed(name: str) -> subprocess.CompletedProcess[str]:
-    """What policy.sh says."""
+    """Output of policy.sh."""
     command = [str(ROOT / "launch_scripts" / "policy.sh"), name]
     return subprocess.run(command, capture_output=True, text=True)
 

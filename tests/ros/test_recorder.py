@@ -173,7 +173,7 @@ def test_a_recorder_that_stood_still_says_so(suite: Suite) -> None:
         lambda: any(level == DiagnosticStatus.WARN and "no processor time" in text for level, text in told),
         "diagnostics",
     )
-    # A busy computer may stop it, too, and every process waits for a little now and then: that is not told.
+    # A busy computer may stop it, too, and every process waits for a little now and then: that is not reported.
     assert min(standstills()) > 1.2
     assert recorder.end() == 0
 
@@ -217,7 +217,7 @@ def test_repetition_goes_on_in_time(suite: Suite) -> None:
 
 @pytest.mark.slow
 def test_recorders_side_by_side_keep_their_own_machine_each(suite: Suite) -> None:
-    """Three, told to begin in the same moment and the same folder, two of them without a namespace of its own."""
+    """Three that start in the same moment in the same folder, two of them without a namespace of its own."""
     spaces = ("/", "/machine_3", "/mill/m7")
     folder = suite.folder / "recordings"
     machines = [suite.start("shaft_node", "rate_hz:=200", remaps=[f"__ns:={space}"]) for space in spaces]
@@ -304,7 +304,7 @@ def test_publishers_that_come_later_are_heard_however_they_offer(suite: Suite) -
 
 
 def _numbers(recording: Path, topic: str, turn: int) -> list[int]:
-    """The numbers of one publisher's messages, in their order; none while nothing of the topic is on the disk."""
+    """The numbers of one publisher's messages, in their order; empty while the disk has none of the topic."""
     if not recorded(recording, f"/{topic}"):
         return []
     raws = [raw for _, _, raw in open_bag(recording).raw_messages([f"/{topic}"])]

@@ -1,4 +1,4 @@
-"""What a recorder has still to take when it is told to end."""
+"""Messages that wait for a recorder at its end."""
 
 from __future__ import annotations
 

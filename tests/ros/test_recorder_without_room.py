@@ -1,4 +1,4 @@
-"""record_node on a disk without room: what is told, and what stays."""
+"""record_node on a disk without room: its report, and the remaining recording."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_a_full_disk_is_one_line(suite: Suite) -> None:
 
 
 def test_a_disk_that_is_full_as_topics_come_is_one_line(suite: Suite) -> None:
-    """Their declarations alone, all at once, are more than is held back until the next flush."""
+    """Their declarations alone, all at once, are more than the buffer of the next flush."""
     node = suite.node()
     topics = [f"words_{number}" for number in range(40)]
     for topic in topics:
@@ -55,7 +55,7 @@ def test_a_disk_that_is_full_as_topics_come_is_one_line(suite: Suite) -> None:
 
 @contextmanager
 def no_room(program: Program, bytes_each: int) -> Iterator[None]:
-    """No file of a running program grows beyond so many bytes meanwhile."""
+    """Limit the size of files of a running program meanwhile [bytes]."""
     soft, hard = resource.prlimit(program.process.pid, resource.RLIMIT_FSIZE)
     resource.prlimit(program.process.pid, resource.RLIMIT_FSIZE, (bytes_each, hard))
     try:

@@ -1,4 +1,4 @@
-"""Where recordings go, and which of them are kept."""
+"""Folders of recordings, and the removal of the oldest."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_what_cannot_be_removed_is_told_and_the_others_go(tmp_path: Path) -> Non
     for day in (1, 2):
         write(tmp_path / f"2026-01-0{day}_00-00-00").close()
     stuck = tmp_path / "2026-01-02_00-00-00"
-    (stuck / "somebody's.mcap").mkdir()  # a folder is not removed as a file is, by nobody
+    (stuck / "somebody's.mcap").mkdir()  # a folder is not removed as a file is
     place = RecordingPlace("", str(tmp_path), "/")
     current = write(place.take_next())
     (told,) = place.retain(current, most_bytes=1)

@@ -1,4 +1,4 @@
-"""textile-twin status: a running suite in the terminal, and what it says when there is none."""
+"""textile-twin status: a running suite in the terminal, and its message without a suite."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_a_running_suite_is_shown(suite: Suite) -> None:
     wanted = (r"ok +main_shaft/angle +(\d+\.\d) Hz", r" shaft estimator ", r" balancing_torque/residual ")
 
     def shown() -> str | None:
-        """What is told, once a busy computer has found its nodes and has come to their samples."""
+        """Printed status, once a busy computer has found its nodes and has come to their samples."""
         told = status(suite, "--seconds", "3")
         return told.stdout if told.returncode == 0 and all(re.search(line, told.stdout) for line in wanted) else None
 

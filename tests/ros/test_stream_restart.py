@@ -1,4 +1,4 @@
-"""A recording that begins again: what is held is given, whatever blocks the samples come in."""
+"""A recording that restarts: waiting samples are given, whatever blocks the samples come in."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ rerun_chunk = pytest.importorskip("rerun.chunk")
 
 
 def received_by_the_view(node: Node) -> dict[str, list[int]]:
-    """By topic, how many messages each of the view's inputs has taken, as its diagnostics tell from now on."""
+    """Number of messages that each of the view's inputs has taken, by topic, from its diagnostics from now on."""
     taken: dict[str, list[int]] = {}
 
     def hear(array: DiagnosticArray) -> None:
@@ -52,7 +52,7 @@ def test_live_view_is_written(suite: Suite) -> None:
     twin.wait_for_words("predicting from")
     replay = suite.start("replay_node", f"bag:={bag}", 'wait_for:=["main_shaft/angle", "balancing_torque/measured=2"]')
     assert replay.wait() == 0, suite.words()
-    # What it still holds when it is told to end is drawn, too.
+    # Samples that wait at its end are drawn, too.
     taken = received_by_the_view(suite.node())
     suite.spin_until(
         lambda: (

@@ -124,7 +124,7 @@ def test_the_live_view_draws_every_linkage(suite: Suite) -> None:
     assert set(cranks) == {f"/world/base/{under}/l1" for under in ("links", "row/1/links", "row/2/links")}
     first, _, last = (_crank_angles(cranks[path]) for path in sorted(cranks))
     scale = np.unwrap(first - last) / 2e-3
-    np.testing.assert_allclose(scale, np.round(scale[0]), rtol=1e-3)  # the twist is drawn so many times as large
+    np.testing.assert_allclose(scale, np.round(scale[0]), rtol=1e-3)  # factor of the drawn twist
     assert np.round(scale[0]) in {float(f"{digit}e{power}") for digit in (1, 2, 5) for power in range(5)}
 
 

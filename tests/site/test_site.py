@@ -87,7 +87,7 @@ def test_search_works_from_the_disk(site: Path, browser: Page) -> None:
 
 
 def test_pages_fit_a_phone(site: Path, browser: Page) -> None:
-    """Nothing is wider than the screen; wide tables and code scroll by themselves."""
+    """Pages are as wide as the screen; wide tables and code scroll by themselves."""
     browser.as_phone(*PHONE)
     for page in sorted(set(site.rglob("*.html")) - {site / "404.html"}):  # which a server shows at any address
         browser.driver.get(page.as_uri())

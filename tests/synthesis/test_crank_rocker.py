@@ -239,7 +239,7 @@ def test_criteria_lead_to_half_a_turn_and_the_best_row_of_the_table() -> None:
 
 
 def test_nearest_ratio_stands_on_the_limit_of_the_transmission_angle() -> None:
-    """If r/l = 0.3 has too small a transmission angle, the nearest sufficient ratio is taken."""
+    """Take the nearest sufficient ratio if r/l = 0.3 has too small a transmission angle."""
     result = crank_rocker(np.radians(20.0), np.radians(195.0))
     assert result.best is not None and result.best_continuous is not None
     continuous = result.best_continuous

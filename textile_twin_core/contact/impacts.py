@@ -1,7 +1,7 @@
 """Impacts: instantaneous impulses until no touching stop approaches.
 
 The model is Newton's restitution with Moreau's complementarity. An approaching stop opens with restitution times its
-speed, stops at rest transmit impulses, and none pulls. Approaching stops that share bodies in one instant use the
+speed, stops at standstill transmit impulses, and none pulls. Approaching stops that share bodies in one instant use the
 smallest of their restitutions, so that an impact never creates energy.
 """
 

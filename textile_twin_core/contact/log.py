@@ -25,7 +25,7 @@ _ROWS = 16
 
 @by_reference
 class Log(NamedTuple):
-    """Rows written so far, in arrays with spare capacity."""
+    """Rows written so far, in arrays with free capacity."""
 
     counts: IntArray
     """(2,): events, stretches"""
@@ -55,7 +55,7 @@ def with_room(log: Log) -> Log:
 
 
 def written(log: Log) -> Log:
-    """Return a copy of the written rows without spare capacity."""
+    """Return a copy of the written rows without the free capacity."""
     events, stretches = log.counts
     rows = log.events[:events], log.heads[:stretches], log.series[:stretches]
     return Log._make(each.copy() for each in (log.counts, *rows))

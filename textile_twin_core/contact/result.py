@@ -19,7 +19,7 @@ _KINDS = ("impact", "rest", "release", "touch", "leave", "slack", "push")
 class ContactEvent:
     """An event at one instant.
 
-    Its kind is "impact" (a stop is hit), "rest" (the bounces on a stop have died out), "release" (a closed stop opens),
+    Its kind is "impact" (on a stop), "rest" (the bounces on a stop have died out), "release" (a closed stop opens),
     "touch" / "leave" (a pad), "slack" / "push" (a touched pad loses or regains contact force).
     """
 

@@ -122,7 +122,7 @@ def _take_over(state: ContactState, position: float, velocity: float) -> bool:
 
 @compiled
 def _happen(plant: Plant, state: ContactState, kind: int, which: int, log: Log) -> int:
-    """Apply an event to the state and log it; return the stop that it hits, or NONE."""
+    """Apply an event to the state and log it; return the stop that it meets, or NONE."""
     now, written, speed = state.clock[0], RELEASE, 0.0
     if kind == CLOSES:
         if state.released[which]:

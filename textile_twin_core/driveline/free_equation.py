@@ -1,8 +1,8 @@
 """Equation of motion of a free chain between instants at which something changes at once: compiled slopes and monitors.
 
 State y of n stations, reduced to the main shaft: angle of the first station, twists of the pieces (n - 1), speeds (n),
-then work of the drive, of the loads and of damping. What changes at once is kept in `FreeModes`: which stretch of its
-loads each hanger is in, which way each station turns or whether dry friction holds it, and on which side of its play a
+then work of the drive, of the loads and of damping. `FreeModes` has the discontinuous states: which stretch of its
+loads each hanger is in, the direction of each station or whether dry friction holds it, and on which side of its play a
 piece is.
 """
 
@@ -24,7 +24,7 @@ WORKS = 3
 
 @by_reference
 class FreeModes(NamedTuple):
-    """What changes at once; room for it and for what is computed on the way."""
+    """Discontinuous states, with work arrays for them and for intermediate results."""
 
     turning: IntArray
     """(stations,) 1 forward, -1 backward, 0 held by dry friction"""
@@ -73,7 +73,7 @@ def find_stretch(chain: ShaftChain, modes: FreeModes, k: int, angle: float, sens
 
 @compiled
 def nearly(angle: float, sense: int) -> float:
-    """Rounding of an angle, towards the way that it turns [rad]."""
+    """Rounding of an angle, in its direction of rotation [rad]."""
     near = 1e-13 + 1e-15 * abs(angle)
     return near if sense >= 0 else -near
 
@@ -112,7 +112,7 @@ def net_torque(chain: ShaftChain, modes: FreeModes, i: int, angle: float, omega:
 
 @compiled
 def friction(chain: ShaftChain, i: int, angle: float) -> float:
-    """How much more the loads of a station that stands would push it forward if it turned backward [N m]."""
+    """Increase of the forward load of a standing station if it turned backward [N m]."""
     more = 0.0
     for k in range(chain.first[i], chain.first[i + 1]):
         profile, at = chain.profile[k], angle + chain.phase[k]
@@ -173,7 +173,7 @@ def monitors(
         if modes.turning[i] != 0:
             out[i] = modes.turning[i] * y[n + i]
         else:
-            ahead = modes.net[i]  # of the stretches forward, to which a held station is set
+            ahead = modes.net[i]  # of the stretches forward, to which a stopped station is set
             out[i] = min(-ahead, ahead + friction(chain, i, angle))
         for k in range(chain.first[i], chain.first[i + 1]):
             at = angle + chain.phase[k]
@@ -209,7 +209,7 @@ def first_modes(
 
 @compiled
 def start_station(chain: ShaftChain, modes: FreeModes, y: FloatArray, i: int, turning: int) -> None:
-    """Let a station turn in a direction, or be held (0)."""
+    """Let a station turn in a direction, or stop it (0)."""
     angle = y[0]
     for j in range(i):
         angle -= y[1 + j]
@@ -220,7 +220,7 @@ def start_station(chain: ShaftChain, modes: FreeModes, y: FloatArray, i: int, tu
 
 @compiled
 def release(chain: ShaftChain, modes: FreeModes, y: FloatArray, i: int, surely: bool) -> None:
-    """Let a station that stands, and whose net torque was just computed forward, start or be held by dry friction.
+    """Let a station that stands, and whose net torque was just computed forward, start or be stopped by dry friction.
 
     surely: it starts, towards the side where the reserve of friction is smaller, because the torque passes it now.
     """

@@ -261,7 +261,7 @@ class _FreeRun:
         return moment, y
 
     def _root(self, dense: scipy.integrate.DenseOutput, which: int, low: float, high: float) -> float:
-        """When a monitor passes zero within a step."""
+        """Time at which a monitor passes zero within a step."""
 
         def level(time: float) -> float:
             return float(self._watch(time, dense(time))[which])

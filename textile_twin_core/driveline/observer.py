@@ -48,7 +48,7 @@ _FINER = 4
 
 @dataclass(frozen=True)
 class Observed:
-    """What the observer makes of n readings.
+    """Result of the observer for n readings.
 
     found: (n,) records of STATE. motion: psi, omega, alpha (n, stations) and pieces (n, pieces), reduced to the main
     shaft.

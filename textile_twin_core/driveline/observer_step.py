@@ -200,7 +200,7 @@ def _take_second(chain: ShaftChain, o: Record, second: SecondEncoder, r: ShaftRe
 
 @compiled_in_place
 def _forget(state: ChainState, o: Record) -> None:
-    """Begin again after the chain was lost; an unknown drive is unknown again."""
+    """Restart after the track of the chain was lost; an unknown drive is unknown again."""
     o.mode, o.torque_square = FOLLOWING, 0.0
     o.learning, o.converged, o.d, o.lam = 0.0, 0.0, 0.0, 0.0
     if o.known_inertia == 0.0:

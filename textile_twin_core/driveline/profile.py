@@ -1,4 +1,4 @@
-"""What a station of the shaft feels of a linkage, over the crank angle: inertia, gravity and loads as tables.
+"""Effect of a linkage on its station of the shaft, over the crank angle: inertia, gravity and loads as tables.
 
 The load torque of a linkage is `sum_r c_r b_r(theta) omega^p_r` with smooth functions b_r and powers p_r of 0, 1 or 2;
 the coefficients c_r are constant between the angles at which a load steps, and depend on the direction of rotation.

@@ -67,7 +67,7 @@ def second_encoder(
         chain: The chain.
         inertia: (stations,) mean inertias, the drive's with its best value [kg m^2].
         first: Station of the first encoder.
-        second: Station of the second one; None: there is none.
+        second: Station of the second one; None: without a second encoder.
         period_rad: Angle after which the second encoder's readings may repeat, reduced to the main shaft.
 
     Returns:

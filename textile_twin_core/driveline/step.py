@@ -128,8 +128,8 @@ def midpoint_step(
 def dead_band(twist: float, change: float, half_play: float, stiffness: float) -> tuple[float, float, float]:
     """Mean torque of a piece with backlash while its twist goes from `twist` by `change` in a straight line.
 
-    Returns the mean torque, its slope with the twist at the end, and the share of the way in contact. The mean is the
-    difference of the elastic energy over the way, so the step gains no energy from the backlash.
+    Returns the mean torque, its slope with the twist at the end, and the share of the travel in contact. The mean is
+    the difference of the elastic energy over the travel, so the step gains no energy from the backlash.
     """
     end = twist + change
     reach, reach_end = beyond(twist, half_play), beyond(end, half_play)
@@ -152,7 +152,7 @@ def beyond(twist: float, half_play: float) -> float:
 def hung(
     chain: ShaftChain, load: FloatArray, station: int, angle: float, begin: float, omega: float, h: float
 ) -> tuple[float, float, float]:
-    """What hangs on a station: its inertia, what it resists at the speed omega, and how much of that grows with omega.
+    """Load of a station: inertia, resisting torque at the speed omega, and its slope over omega.
 
     angle: the station's in the middle of a step of h seconds that it begins at `begin` [rad]. Returns J [kg m^2],
     J'/2 omega^2 + V' - load [N m], and the viscous part of that per speed [N m s].

@@ -1,4 +1,4 @@
-"""Design on the page: family of the machine, changed values, speed, and tolerance of a dwell."""
+"""Design on the page: design family of the machine, changed values, speed, and tolerance of a dwell."""
 
 from __future__ import annotations
 

@@ -90,7 +90,7 @@ def _(load: Backing, name: str, turn: Turn) -> Any:
         chain.number(f"{name}.{k}") for k in ("force_N", "free_force_N", "entry_plane_m", "exit_plane_m")
     )
     inside = position >= np.where(speed >= 0.0, entry, leave)
-    # A needle that never reaches the entry plane meets no backing on its way out.
+    # A needle that never reaches the entry plane meets no backing when it leaves.
     inside &= (leave >= entry) | (position.max(axis=-1, keepdims=True) >= entry)
     return np.sign(speed) * slope * np.where(inside, force, free)
 

@@ -191,7 +191,7 @@ def _spread(nominal: float, found: FloatArray, corners: FloatArray) -> Spread:
 
 
 def batch_of(family: Family, values: Mapping[str, float], speed_rad_s: float, within_m: float | None) -> Batch:
-    """Build the batch of a design's family. Raises SceneError if it has none."""
+    """Build the batch of a design's family. Raises SceneError for a machine without one."""
     machine = family.machine(values)
     if not isinstance(machine, Machine):
         raise SceneError(f"machine '{machine.name}' has a history; its designs are looked at one by one")

@@ -119,7 +119,7 @@ class ElasticTwin:
         return self.observer().scales.numeric_error
 
     def describe(self) -> str:
-        """What is integrated, and how."""
+        """Description of the integrated chain and its method."""
         observer = self.observer()
         scales, shaft = observer.scales, self.elastic.shaft
         known = {"inertia": shaft.drive.inertia_kgm2, "slip": shaft.drive.slip_Nms_rad}
@@ -141,7 +141,7 @@ class ElasticTwin:
         return ShaftObserver(self.elastic, self.machine.nominal_speed_rad_s, second_period_rad=period)
 
     def session(self, shaft: str = "causal", **settings: Any) -> Session:
-        """A session: angle samples of the encoder in, predictions out, the chain's state kept between blocks.
+        """A session: angle samples of the encoder in, predictions out, with the chain's state between blocks.
 
         `causal` and `lag` are the observer, which needs no look-ahead; `smooth` observes the whole record twice, the
         second time with the drive and its torque known from the first.
@@ -158,7 +158,7 @@ class ElasticTwin:
         return session.predictor.drive
 
     def predictor(self, shaft: str = "causal", before: Predictor | None = None) -> ElasticPredictor:
-        """What a session asks for predictions; `before`: the predictor whose state it goes on with."""
+        """Predictor of a session; `before`: the predictor whose state it continues."""
         if isinstance(before, ElasticPredictor):
             return before.with_outputs(self.results)
         return ElasticPredictor(self.elastic, self.observer(), self.results, shaft == "smooth")

@@ -62,7 +62,7 @@ class ElasticPredictor:
         )
 
     def predict(self, states: ShaftStates) -> Prediction:
-        """What the observer makes of the readings behind the estimated states."""
+        """Predictions of the observer for the readings behind the estimated states."""
         if self._twice and len(states):
             self._held.append((states.stamps, _kept(states.rows)))
             states = ShaftStates.empty(states.stamps)
@@ -75,7 +75,7 @@ class ElasticPredictor:
         self._second.take(stamps, angles)
 
     def finish(self, states: ShaftStates) -> Prediction:
-        """Predictions for the readings that are held, with these at the end."""
+        """Predictions for the waiting readings, with these at the end."""
         prediction = self.predict(states)
         if self._held:
             stamps, rows = (np.concatenate(parts) for parts in zip(*self._held, strict=True))
@@ -92,7 +92,7 @@ class ElasticPredictor:
         raise NotImplementedError("an observer predicts from readings, not from states")
 
     def take_events(self) -> tuple[()]:
-        """No impacts."""
+        """Return no events: an elastic shaft has no impacts."""
         return ()
 
     def reset(self) -> None:
@@ -124,7 +124,7 @@ class ElasticPredictor:
 
 
 def _kept(rows: Records) -> Records:
-    """What the observer needs of rows."""
+    """Columns of rows for the observer."""
     found = np.zeros(len(rows), _KEPT)
     for name in _KEPT.names or ():
         found[name] = rows[name]

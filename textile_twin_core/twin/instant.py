@@ -116,7 +116,7 @@ class InstantPredictor:
             return dict.fromkeys(self._twin.outputs, math.nan)
 
     def take_events(self) -> tuple[()]:
-        """Return no events; there are none between samples."""
+        """Return no events: a single instant has no interval."""
         return ()
 
     def reset(self) -> None:

@@ -23,7 +23,7 @@ _ODD = slice(0, ORDERS, 2)  # orders 0.5, 1.5, ...: no error of the toothed whee
 
 @dataclass(frozen=True)
 class Driven:
-    """What `drive` says of one run.
+    """Result of `drive` for one run.
 
     Attributes:
         waves: (12,) complex amplitudes of the speed [rad/s] by half orders.

@@ -63,7 +63,7 @@ def predict(factory: Factory, run: EngineRun, angle_rad: np.ndarray, view: str) 
 
 
 def leaves(made: Track, run: EngineRun) -> bool:
-    """Whether a track at full rate leaves the shaft once settled: speed off by half, or angle by half a tooth."""
+    """Return whether a full-rate track leaves the shaft once settled: speed off by half, or angle by half a tooth."""
     settled = made.settled & (made.index >= SKIP * run.time_s.size)
     speed = np.gradient(run.angle_rad, run.time_s)[made.index]
     off = made.theta - run.angle_rad[made.index]

@@ -57,14 +57,14 @@ def score(factory: Factory, kind: str, seed: int, view: str) -> Score:
 
 
 def diverged(made: Track, record: Record) -> bool:
-    """Whether a settled speed is off by more than half of itself (or of 0.3 of the record's top speed)."""
+    """Return whether a settled speed is off by more than half of itself (or of 0.3 of the record's top speed)."""
     late, errors = _errors(made, record)
     least = np.maximum(np.abs(record.omega[made.index[late]]), 0.3 * np.abs(record.omega).max())
     return bool((made.settled[late] & ~(np.abs(errors[:, 0]) <= 0.5 * least)).any())
 
 
 def not_positive(covariance: np.ndarray) -> int:
-    """How many covariances are not positive semidefinite, to rounding, or not finite."""
+    """Number of covariances that are not positive semidefinite, to rounding, or not finite."""
     diagonal = np.diagonal(covariance, axis1=1, axis2=2)
     fit = np.isfinite(covariance).all(axis=(1, 2)) & (diagonal >= 0.0).all(axis=1)
     scale = np.sqrt(np.where(fit[:, None] & (diagonal > 0.0), diagonal, 1.0))
@@ -73,14 +73,14 @@ def not_positive(covariance: np.ndarray) -> int:
 
 
 def _errors(made: Track, record: Record) -> tuple[np.ndarray, np.ndarray]:
-    """Which states count, and their errors of (omega, alpha)."""
+    """Mask of the states that count, and their errors of (omega, alpha)."""
     late = made.index >= SKIP * record.time_s.size
     i = made.index[late]
     return late, np.stack([made.omega[late] - record.omega[i], made.alpha[late] - record.alpha[i]], axis=1)
 
 
 def _sigma(made: Track) -> np.ndarray:
-    """Of (omega, alpha); NaN where the variance is negative."""
+    """Standard deviations of (omega, alpha); NaN where the variance is negative."""
     with np.errstate(invalid="ignore"):
         return np.asarray(np.sqrt(np.diagonal(made.covariance, axis1=1, axis2=2)[:, 1:]))
 

@@ -53,7 +53,7 @@ def trouble_table(factory: Factory, kinds: Iterable[str], seeds: Sequence[int], 
 
 
 def engine_runs(source: Path) -> list[EngineRun]:
-    """From the git directory, or from a folder of caches that `engine_records` wrote."""
+    """Read runs from the git directory, or from a folder of caches that `engine_records` wrote."""
     caches = sorted(source.glob("run_*.npz"))
     if caches:
         return [EngineRun.load_file(file) for file in caches]

@@ -1,4 +1,4 @@
-"""What is judged: a maker of tracks from readings, be it the package's estimators, the textbook's or a prototype's."""
+"""Judged estimators: each makes tracks from readings; the package's, the textbook's or a prototype."""
 
 from __future__ import annotations
 

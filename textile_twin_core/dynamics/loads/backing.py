@@ -18,12 +18,12 @@ from textile_twin_core.mechanism.wrenches import Wrenches
 class Backing:
     """Friction that opposes the travel `on`: `force_N` while the needle is in the backing, else `free_force_N`.
 
-    The needle is in the backing while its travel is at or beyond the plane: `entry_plane_m` on the way in,
-    `exit_plane_m` on the way out. Friction at standstill is zero.
+    The needle is in the backing while its travel is at or beyond the plane: `entry_plane_m` when it enters,
+    `exit_plane_m` when it leaves. Friction at standstill is zero.
 
     The state depends on the position alone, not on the history: a needle that is in the backing at the start of a
-    record is held on its way out. Between two different planes the direction of travel decides, as for a shaft that
-    turns continuously. A needle that never reaches the entry plane is never held.
+    record meets friction while it leaves. Between two different planes the direction of travel decides, as for a
+    shaft that turns continuously. A needle that never reaches the entry plane stays outside the backing.
 
     References:
         Xu et al. 2016: 1000 N "on" and "under" the backing, and the angles of entry and exit.

@@ -33,7 +33,7 @@ from textile_twin_ros.twin_outputs import topics_of
 INPUTS = ["main_shaft/angle", "balancing_torque/measured"]
 # Queues hold some minutes of 500 Hz: a busy computer then delays but loses nothing.
 DEPTH = 100_000
-# What is lost on the way is sent again after three seconds, by Fast DDS's own settings: a pause of that is no end.
+# A lost message is sent again after three seconds, by Fast DDS's own settings: a pause of that is no end.
 IDLE_S = 10.0
 
 

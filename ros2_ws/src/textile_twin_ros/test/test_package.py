@@ -14,7 +14,7 @@
 #
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the package promises where colcon builds it: its commands start, its files parse."""
+"""Contract of the package where colcon builds it: its commands start, its files parse."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def test_launch_files_are_python() -> None:
 def test_a_recording_of_any_machine_is_launched(
     machine: str, outputs: set[str], inputs: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What the nodes are told, without the launch system, which the wheels do not have."""
+    """Check the nodes' arguments without the launch system, which the wheels do not have."""
     recordings = pytest.importorskip("textile_twin_core.recordings")
     with recordings.BagWriter(tmp_path / "bag") as bag:
         bag.write_joint_states("main_shaft/angle", np.arange(3), ["main_shaft"], np.zeros(3))
@@ -151,7 +151,7 @@ def test_the_manifest_is_of_a_python_package() -> None:
 
 
 def test_analyzers_take_every_status_of_the_suite_once() -> None:
-    """By the rule of GenericAnalyzer: a name that contains one of its words."""
+    """Apply the rule of GenericAnalyzer: a name that contains one of its words."""
     (content,) = yaml.safe_load((PACKAGE / "diagnostics" / "analyzers.yaml").read_text()).values()
     groups = {key: value for key, value in content["ros__parameters"].items() if isinstance(value, dict)}
     assert {group["type"] for group in groups.values()} == {"diagnostic_aggregator/GenericAnalyzer"}

@@ -32,7 +32,7 @@ _AMOUNTS = ("approach_speed_m_s", "impulse_Ns", "energy_lost_J", "drive_work_J")
 
 
 def contact_message(events: Sequence[StampedEvent], machine: str) -> DiagnosticArray:
-    """What happened since the last message, its stamp that of the first: a status is an event.
+    """Message of the events since the last one, with the stamp of the first: a status is an event.
 
     Its name is the stop's or pad's, its message the kind (impact, rest, release, touch, leave, slack, push).
     """

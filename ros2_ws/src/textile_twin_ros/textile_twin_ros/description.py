@@ -14,7 +14,7 @@
 #
 # SPDX-License-Identifier: Apache-2.0
 
-"""What stays the same while a machine runs, for late listeners too: robot description, path of the tool, backing."""
+"""Latched topics of a machine: robot description, path of the tool, backing."""
 
 from __future__ import annotations
 
@@ -90,11 +90,11 @@ def _markers_of_one(machine: ttc.Machine) -> list[Marker]:
         x, y, travel = (np.asarray(found[name]) for name in columns)
         markers.append(_path(measure.name, x, y))
         if isinstance(measure, Travel):
-            way = np.array(measure.direction) / math.hypot(*measure.direction)
+            direction = np.array(measure.direction) / math.hypot(*measure.direction)
             for load in machine.loads:
                 if isinstance(load, Backing) and load.on == measure.name:
-                    place = np.array([x[0], y[0]]) + way * (load.entry_plane_m - travel[0])
-                    markers.append(_backing(measure.name, place, way))
+                    place = np.array([x[0], y[0]]) + direction * (load.entry_plane_m - travel[0])
+                    markers.append(_backing(measure.name, place, direction))
     return markers
 
 
@@ -120,11 +120,11 @@ def _path(name: str, x_m: FloatArray, y_m: FloatArray) -> Marker:
     return marker
 
 
-def _backing(name: str, place_m: FloatArray, way: FloatArray) -> Marker:
+def _backing(name: str, place_m: FloatArray, direction: FloatArray) -> Marker:
     marker = _marker(Marker.CUBE, f"{name}_backing", 0, _BACKING_COLOUR)
     marker.pose.position.x, marker.pose.position.y = (float(value) for value in place_m)
-    # Its thin side, y, lies along the way of the tool.
-    half = 0.5 * (math.atan2(float(way[1]), float(way[0])) - math.pi / 2)
+    # Its thin side, y, lies along the travel of the tool.
+    half = 0.5 * (math.atan2(float(direction[1]), float(direction[0])) - math.pi / 2)
     marker.pose.orientation.z, marker.pose.orientation.w = math.sin(half), math.cos(half)
     marker.scale.x, marker.scale.y, marker.scale.z = _BACKING_M
     return marker

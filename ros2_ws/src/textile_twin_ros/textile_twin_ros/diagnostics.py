@@ -14,7 +14,7 @@
 #
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the nodes say of themselves: states for /diagnostics, and a watch over inputs that stay silent."""
+"""Diagnostics of the nodes: states for /diagnostics, and a watch over silent inputs."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ _LOOK_S = 0.5
 _PERIOD_S = 1.0
 _REFUSALS_S = 10.0
 _SILENCE_S = (10.0, 60.0, 600.0, 3600.0)
-"""Silence that lasts is told again after so long, from the last of these on as often."""
+"""Lasting silence is reported again after these times [s], then at intervals of the last."""
 _REASON = 300
-"""Characters of a reason that are told: a message may name very many joints."""
+"""Largest number of reported characters of a reason: a message may name very many joints."""
 _RATE_S = 1.0
 
 
@@ -69,7 +69,7 @@ class DiagnosticsPublisher:
     def __init__(self, node: Node, hardware: Callable[[], str], collect: Callable[[], list[Status]]) -> None:
         self._node, self._hardware, self._collect = node, hardware, collect
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
-        self._told: dict[str, set[str]] = {}
+        self._reported: dict[str, set[str]] = {}
         self._levels: dict[str, bytes] = {}
         self._published = -math.inf
         call_every(node, _LOOK_S, self._look)
@@ -102,13 +102,13 @@ class DiagnosticsPublisher:
         self._publisher.publish(message)
 
     def _log(self, status: Status) -> None:
-        told = self._told.setdefault(status.name, set())
+        reported = self._reported.setdefault(status.name, set())
         for kind, text in status.tell.items():
-            if kind not in told:
-                told.add(kind)
+            if kind not in reported:
+                reported.add(kind)
                 self._node.get_logger().warning(f"{status.name}: {text}")
-        if told and status.level == OK:
-            told.clear()
+        if reported and status.level == OK:
+            reported.clear()
             self._node.get_logger().info(f"{status.name}: in order again")
 
 
@@ -137,10 +137,10 @@ class InputWatch:
         self.restart()
 
     def restart(self) -> None:
-        """Begin to wait anew, with all counts at zero."""
+        """Restart the wait, with all counts at zero."""
         self.received = self.refused = 0
         self.refusal = ""
-        self._refusal_told = -math.inf
+        self._refusal_reported = -math.inf
         self._since = self._last = time.monotonic()
         self._past = deque([(self._since, 0)])
         self._warnings, self._warned_at = 0, -math.inf
@@ -156,8 +156,8 @@ class InputWatch:
         reason = reason if len(reason) <= _REASON else f"{reason[:_REASON]} ..."
         now = time.monotonic()
         new, self.refusal = reason != self.refusal, reason
-        if new and now - self._refusal_told >= _REFUSALS_S:
-            self._refusal_told = now
+        if new and now - self._refusal_reported >= _REFUSALS_S:
+            self._refusal_reported = now
             self._node.get_logger().warning(f"a message on {self._topic} {reason}: such messages are left out")
 
     @property
@@ -176,7 +176,7 @@ class InputWatch:
             self._past.popleft()
         since, before = self._past[0]
         rate = (self.received - before) / max(now - since, 1e-9)
-        told = {
+        shown = {
             "topic": self._topic,
             "rate_hz": rate,
             "age_s": self.silent_s if self.received else math.nan,
@@ -189,10 +189,10 @@ class InputWatch:
                 self._node.get_logger().info(f"data on {self._topic} again")
                 self._warnings = 0
             if not self.received:
-                return Status(name, WARN, f"waiting for the first message: {self._describe()}", told)
-            return Status(name, OK, f"{rate:.1f} Hz" + (f"; some messages: {self.refusal}" * refusing), told)
+                return Status(name, WARN, f"waiting for the first message: {self._describe()}", shown)
+            return Status(name, OK, f"{rate:.1f} Hz" + (f"; some messages: {self.refusal}" * refusing), shown)
         text = f"no data on {self._topic} for {self.silent_s:.1f} s: {self._describe()}"
         if not self._warnings or now - self._warned_at >= _SILENCE_S[min(self._warnings, len(_SILENCE_S)) - 1]:
             self._warnings, self._warned_at = self._warnings + 1, now
             self._node.get_logger().warning(text)
-        return Status(name, STALE if self.received else ERROR, text, told)
+        return Status(name, STALE if self.received else ERROR, text, shown)

@@ -84,17 +84,17 @@ def depth_for(rate_hz: float, seconds: float = QUEUE_S) -> int:
 
 
 def samples_qos(depth: int, reliability: str = "reliable") -> QoSProfile:
-    """For a stream of samples, none of which is to be lost while the queue holds them."""
+    """Quality of service of a stream of samples: no loss while the queue has room."""
     return QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=depth, reliability=RELIABILITY[reliability])
 
 
 def latched_qos() -> QoSProfile:
-    """For what a late subscriber needs too: the last message is kept for it."""
+    """Quality of service of a latched topic: a late subscriber gets the last message."""
     return QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def is_latched(topic: str) -> bool:
-    """Whether late subscribers of this topic need its last message."""
+    """Return whether late subscribers of this topic need its last message."""
     return topic.rsplit("/", 1)[-1] in ("robot_description", "markers", "tf_static", "map")
 
 
@@ -104,7 +104,7 @@ def relative_name(topic: str) -> str:
 
 
 def describe_publishers(node: Node, topic: str, msgtype: str) -> str:
-    """Who publishes on a topic, with type and reliability; if nobody does, where else the type is found."""
+    """Publishers of a topic, with type and reliability; without one, other topics of the type."""
     resolved = node.resolve_topic_name(topic)
     publishers = node.get_publishers_info_by_topic(resolved)
     if publishers:
@@ -138,7 +138,7 @@ def _publisher(info: TopicEndpointInfo, msgtype: str) -> str:
 
 
 def recording_qos(publishers: list[TopicEndpointInfo], depth: int) -> QoSProfile:
-    """What hears all of these publishers, as well as they offer."""
+    """Quality of service that hears all of these publishers, as well as they offer."""
     profiles = [info.qos_profile for info in publishers]
     reliable = all(profile.reliability is ReliabilityPolicy.RELIABLE for profile in profiles)
     latched = bool(profiles) and all(profile.durability is DurabilityPolicy.TRANSIENT_LOCAL for profile in profiles)

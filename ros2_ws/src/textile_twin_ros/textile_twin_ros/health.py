@@ -14,7 +14,7 @@
 #
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whether an input is fit for use: levels from what was refused, bridged or interrupted in the last seconds."""
+"""Fitness of an input: levels from samples refused, bridged or interrupted in the last seconds."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Finding:
 
 
 class Recent:
-    """By how much counts have grown in the last seconds.
+    """Growth of counts in the last seconds.
 
     Args:
         window_s: how far back.
@@ -72,7 +72,7 @@ class Recent:
     def growth(self, counts: Mapping[str, float], now: float | None = None) -> dict[str, float]:
         """Take the counts of this moment; by how much each has grown since the window began.
 
-        A count that falls has begun anew at zero.
+        A count that falls has restarted at zero.
         """
         now = time.monotonic() if now is None else now
         for name, value in counts.items():
@@ -87,7 +87,7 @@ class Recent:
 
 
 class MeasuredTorque:
-    """How large the torque measured lately is."""
+    """Size of the torque measured lately."""
 
     def __init__(self) -> None:
         self._latest: deque[float] = deque(maxlen=1000)
@@ -103,16 +103,16 @@ class MeasuredTorque:
 
 
 def sample_counts(report: SampleReport, set_back: int) -> dict[str, float]:
-    """What became of angle samples: counts of the shaft's report, and how often their stamps were set back."""
+    """Counts of angle samples: those of the shaft's report, and how often their stamps were set back."""
     counts: dict[str, float] = {"accepted": report.accepted}
     counts |= {f"rejected_{cause}": count for cause, count in report.rejected.items()}
-    told = ("repeats", "outliers", "jumps", "gaps", "reversals", "longest_gap_s")
-    counts |= {name: getattr(report, name) for name in told}
+    names = ("repeats", "outliers", "jumps", "gaps", "reversals", "longest_gap_s")
+    counts |= {name: getattr(report, name) for name in names}
     return counts | {"set_back": set_back}
 
 
 def sample_findings(growth: Mapping[str, float], what: str) -> list[Finding]:
-    """What is wrong with a stream of samples.
+    """Faults of a stream of samples.
 
     Args:
         growth: counts of the last seconds: `received`; `unreadable`, `rejected_CAUSE` and `outliers`, which make its
@@ -140,7 +140,7 @@ def sample_findings(growth: Mapping[str, float], what: str) -> list[Finding]:
 
 
 def burst_findings(stamps_ns: IntArray, values: FloatArray, angles: bool) -> list[Finding]:
-    """Whether the latest samples (n,) were stamped in bursts: predictions and residuals are then wrong.
+    """Detect stamps in bursts among the latest samples (n,): predictions and residuals are then wrong.
 
     Args:
         stamps_ns: their stamps, in the order in which they came.
@@ -202,7 +202,7 @@ def late_findings(late_s: float) -> list[Finding]:
 
 
 def stamp_findings(newest_ns: int | None, stamped: bool) -> list[Finding]:
-    """A header that nobody fills carries no time, and without one a simulated clock that stands tells none.
+    """Detect stamps of zero: an empty header, or without a header a simulated clock that stands.
 
     Args:
         newest_ns: stamp of the newest sample; None without any.
@@ -216,7 +216,7 @@ def stamp_findings(newest_ns: int | None, stamped: bool) -> list[Finding]:
 
 
 def unit_findings(angle: FloatArray, unit_rad: float) -> list[Finding]:
-    """Whether the latest angles (n,), which a parameter takes for so many radians a unit, look like another unit."""
+    """Detect another unit in the latest angles (n,), which a parameter converts by `unit_rad`."""
     seen = other_unit(angle)
     if seen is None:
         return []
@@ -225,7 +225,7 @@ def unit_findings(angle: FloatArray, unit_rad: float) -> list[Finding]:
 
 
 def residual_findings(rms_Nm: float, measured_rms_Nm: float, limit_Nm: float) -> list[Finding]:
-    """Whether measured and predicted torque are too far apart.
+    """Detect a residual beyond its limit.
 
     Args:
         rms_Nm: of the latest residuals; nan without any.
@@ -245,7 +245,7 @@ def residual_findings(rms_Nm: float, measured_rms_Nm: float, limit_Nm: float) ->
 
 
 def apart_text(apart_s: float) -> str:
-    """What to do where the torque's stamps are so far [s] from the angle's; empty where they are not, or it is nan."""
+    """Advice where the torque's stamps are `apart_s` from the angle's; empty where they are near, or it is nan."""
     if not abs(apart_s) > _APART_S:
         return ""
     side = "ahead of" if apart_s > 0.0 else "behind"
@@ -273,7 +273,7 @@ def state_level(state: str) -> bytes:
 
 
 def judged(status: Status, findings: Iterable[Finding]) -> Status:
-    """The status with the worst of its own level and the findings', and all of their texts; told in the log."""
+    """The status with the worst of its own level and the findings', and all of their texts; the log has them too."""
     found = list(findings)
     if not found:
         return status

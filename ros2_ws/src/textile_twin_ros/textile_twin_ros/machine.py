@@ -14,7 +14,7 @@
 #
 # SPDX-License-Identifier: Apache-2.0
 
-"""The machine that a node is told to speak of."""
+"""Machine that a node is configured for."""
 
 from __future__ import annotations
 

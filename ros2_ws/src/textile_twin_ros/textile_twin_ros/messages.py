@@ -270,7 +270,7 @@ def float_message(value: float) -> bytes:
 
 
 def has_header(message_type: Any) -> bool:
-    """Whether messages of this class begin with a std_msgs/Header."""
+    """Return whether messages of this class begin with a std_msgs/Header."""
     first = next(iter(message_type.get_fields_and_field_types().values()), "")
     return bool(first == "std_msgs/Header")
 
@@ -282,7 +282,7 @@ def stamp_of(raw: bytes) -> int:
 
 
 def shift_stamp(raw: bytes, by_ns: int) -> bytes:
-    """The same message, which must begin with a header, with its stamp moved by so many nanoseconds."""
+    """The same message, which must begin with a header, with its stamp moved by a number of nanoseconds."""
     stamp = struct.Struct("<iI" if raw[1] else ">iI")
     seconds, nanoseconds = stamp.unpack_from(raw, 4)
     moved = stamp.pack(*divmod(seconds * SECOND_NS + nanoseconds + by_ns, SECOND_NS))

@@ -163,7 +163,7 @@ class MonitorNode(Node):
         return [*inputs, judged(self._faults(), [*self._turns.findings(), *notes])]
 
     def _faults(self) -> Status:
-        """What stands of the machine."""
+        """Standing faults of the machine."""
         watch = self._monitor.watch
         if not watch.learnt:
             text = f"learning: {watch.turns_learnt} of {self.settings.learn_turns} turns"

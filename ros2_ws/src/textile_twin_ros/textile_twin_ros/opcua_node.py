@@ -148,7 +148,7 @@ class OpcuaNode(Node):
                 await asyncio.sleep(_WRITE_S)
 
     async def _talk(self, client: Client) -> None:
-        """Listen until told to end.
+        """Listen until stopped.
 
         Raises:
             OSError, TimeoutError, UaError: the server has gone, or has no such variable.

@@ -65,7 +65,7 @@ class Values:
         self._types: dict[Any, Any] = {}
 
     async def subscribe(self, variables: Mapping[str, Any], takers: Mapping[str, Callable[[Value], None]]) -> None:
-        """Call each variable's taker with every change; also with a value that is written anew and stays the same.
+        """Call each variable's taker with every change; also with an equal value that is written again.
 
         Raises:
             UaError: the server has no such variable.
@@ -96,9 +96,9 @@ class Values:
                 raise UaError(f"{name}, {variables[name].to_string()}: {result.name}")
 
     def datachange_notification(self, node: Any, value: Any, data: Any) -> None:
-        """What asyncua calls with a change."""
-        told = data.monitored_item.Value
-        status, stamp = told.StatusCode, told.SourceTimestamp
+        """Take a change; asyncua calls this."""
+        change = data.monitored_item.Value
+        status, stamp = change.StatusCode, change.SourceTimestamp
         is_number = isinstance(value, int | float) and not isinstance(value, bool)
         number = float(value) if is_number and (status is None or status.is_good()) else None
         overflow = status is not None and status.value & _OVERFLOW == _OVERFLOW

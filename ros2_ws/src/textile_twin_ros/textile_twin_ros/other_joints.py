@@ -45,7 +45,7 @@ class OtherJoints:
         return sorted({name for joints in self._recent() for name in joints})[:_NAMED]
 
     def sources(self) -> int:
-        """How many lists of joints the last seconds' messages without this joint had: each is another driver's."""
+        """Number of joint lists in the last seconds' messages without this joint: each is another driver's."""
         return len(self._recent())
 
     def _recent(self) -> list[tuple[str, ...]]:

@@ -14,7 +14,7 @@
 #
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which topics are those of one machine: a namespace is a machine, and topics in another's are not ours."""
+"""Topics of one machine: a namespace is a machine, and topics in another's are not ours."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ class OwnTopics:
                 self._others.add(place)
 
     def has(self, topic: str) -> bool:
-        """Whether a topic is this machine's or shared by all."""
+        """Return whether a topic is this machine's or shared by all."""
         if topic in SHARED:
             return True
         if not topic.startswith(self._own) or _namespace(topic, _NAMES) not in (None, self._own):
@@ -124,14 +124,14 @@ class OwnTopics:
         return not any(topic.startswith(other) for other in self._others if len(other) > len(self._own))
 
     def speaks_of(self, status_name: str) -> bool:
-        """Whether a diagnostic status, named as `machine_3/twin_node: what`, is not of another machine's node."""
+        """Return whether a status, named as `machine_3/twin_node: what`, is not of another machine's node."""
         node = "/" + status_name.partition(":")[0].strip("/ ")
         place, _, name = node.rpartition("/")
         return name not in NODES or place + "/" == self._own
 
 
 def _namespace(topic: str, names: Iterable[str]) -> str | None:
-    """The namespace, with a slash at its end, before one of these names; None when the topic is none of them."""
+    """The namespace, with a slash at its end, before one of these names; None for another topic."""
     for name in names:
         if topic.endswith(f"/{name}"):
             return topic.removesuffix(name)

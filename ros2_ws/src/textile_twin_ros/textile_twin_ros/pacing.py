@@ -47,7 +47,7 @@ class Pace:
         self._begun = (now, played_s + (now - real_s) * before, rate)
 
     def wait_until(self, played_s: float) -> bool:
-        """Wait until this many seconds of played time have passed since the start; False when told to stop."""
+        """Wait until this many seconds of played time have passed since the start; False when stopped."""
         while not self._stop.is_set():
             real_s, begun_s, rate = self._begun
             remaining = (played_s - begun_s) / rate - (time.monotonic() - real_s)

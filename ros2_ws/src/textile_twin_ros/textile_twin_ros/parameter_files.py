@@ -48,7 +48,7 @@ def warn_of_ignored_files(node: Node, words: Sequence[str] | None = None) -> Non
 
 
 def ignored_entries(entries: Sequence[str], full_name: str, command: str) -> str:
-    """What to say of entries for such a node under another full name; empty where there are none.
+    """Message on entries for such a node under another full name; empty without such entries.
 
     Args:
         entries: names of nodes in the file, as they are written there.
@@ -75,7 +75,7 @@ def ignored_entries(entries: Sequence[str], full_name: str, command: str) -> str
 
 
 def _matches(entry: str, full_name: str) -> bool:
-    """Whether ROS takes an entry for a node: `*` is one part of a name, `**` any number of them."""
+    """Return whether ROS takes an entry for a node: `*` is one part of a name, `**` any number of them."""
     pattern = ""
     for part in entry.strip("/").split("/"):
         pattern += r"(/\w+)*" if part == "**" else "/" + re.escape(part).replace(r"\*", r"\w+")

@@ -45,7 +45,7 @@ def parameter(
     """One field of a node's parameter dataclass.
 
     Args:
-        default: what holds when nobody sets it; its type is the parameter's type.
+        default: value when it is not set; its type is the parameter's type.
         description: one line, with the unit.
         between: smallest and largest value allowed.
         choices: the values allowed, for strings.
@@ -61,7 +61,7 @@ def declare(node: Node, declaration: type[Declaration], on_change: Callable[[str
     Live parameters are written into the returned object when they are set; `on_change` is then called with the name.
 
     Raises:
-        SceneError: a value given at the start has the wrong type, is out of range or is none of the choices.
+        SceneError: a value given at the start has the wrong type, is out of range or not among the choices.
     """
     warn_of_ignored_files(node)
     fields = {field.name: field for field in dataclasses.fields(declaration)}  # type: ignore[arg-type]

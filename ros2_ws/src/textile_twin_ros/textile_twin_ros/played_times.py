@@ -26,7 +26,7 @@ _RESUMED_NS = SECOND_NS
 class PlayedTimes:
     """Log times to times since the start of playing, through all of a recording and its repetitions.
 
-    Log times may begin at 0, as those of messages recorded before the first /clock do, or leap where a clock was set.
+    Log times may begin at 0, as those of messages recorded before the first /clock do, or step where a clock was set.
 
     Args:
         longest_pause_ns: a longer pause between two messages is played as one second; 0 plays all.
@@ -43,7 +43,7 @@ class PlayedTimes:
         self._stamps_ns: tuple[int, int] | None = None
 
     def take(self, log_ns: int) -> tuple[int, int]:
-        """When to play the next message [ns from the start], and how much of the pause before it is skipped [ns]."""
+        """Time to play the next message [ns from the start], and the skipped part of the pause before it [ns]."""
         pause_ns = 0 if self._last_ns is None else log_ns - self._last_ns
         skipped_ns = pause_ns - _RESUMED_NS if 0 < self._longest_ns < pause_ns else 0
         self._last_ns = log_ns

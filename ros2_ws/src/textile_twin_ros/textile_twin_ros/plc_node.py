@@ -70,7 +70,7 @@ class PlcNode(Node):
     """Asks the PLC at a steady rate from a thread of its own; a sample's stamp is the middle of its request."""
 
     def __init__(self) -> None:
-        # Optional packages are imported where they are used, so that a missing one is told in one line.
+        # Optional packages are imported where they are used, so that a missing one gives one line.
         from pymodbus.client import ModbusTcpClient
 
         super().__init__("plc_node")
@@ -168,7 +168,7 @@ class PlcNode(Node):
                 return
             if self._last_sequence is not None:
                 ahead = (sequence - self._last_sequence) % (1 << self._sequence_bits)
-                if 2 * ahead < 1 << self._sequence_bits:  # else the PLC's program began anew
+                if 2 * ahead < 1 << self._sequence_bits:  # else the PLC's program restarted
                     self.counts["missed"] += ahead - 1
             self._last_sequence = sequence
         self.counts["received"] += 1

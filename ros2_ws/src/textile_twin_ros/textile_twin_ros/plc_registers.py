@@ -56,12 +56,12 @@ class Register:
 
     @property
     def length(self) -> int:
-        """How many registers of 16 bits it takes."""
+        """Number of its registers of 16 bits."""
         return int(self.kind.lstrip("uintfloa")) // 16
 
     @property
     def is_float(self) -> bool:
-        """Whether it holds fractions."""
+        """True for a type with fractions."""
         return self.kind.startswith("float")
 
 

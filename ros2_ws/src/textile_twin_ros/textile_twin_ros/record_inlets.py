@@ -14,7 +14,7 @@
 #
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a recorder listens to: the topics that are wanted, each from when its type is known."""
+"""Subscriptions of a recorder: the wanted topics, each from when its type is known."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ class Inlets:
         return [(topic, raw) for topic, raw in self._last.items() if self._is_latched(topic)]
 
     def discover(self) -> None:
-        """Subscribe to wanted topics whose type is known by now, and anew where a publisher is not heard."""
+        """Subscribe to wanted topics whose type is known by now, and again where a publisher is not heard."""
         self._renew()
         if self.wanted and self.wanted <= self._open.keys():
             return
@@ -119,14 +119,14 @@ class Inlets:
                 yield topic, raw
 
     def is_anothers(self, topic: str, raw: bytes) -> bool:
-        """Whether a message of the diagnostics, which all machines share, is of another machine's node."""
+        """Return whether a message of the diagnostics, which all machines share, is of another machine's node."""
         if self.wanted or topic != _DIAGNOSTICS:
             return False
         array = deserialize_message(raw, DiagnosticArray)
         return not all(self._own.speaks_of(status.name) for status in array.status)
 
     def describe(self, topics: set[str]) -> str:
-        """Who publishes on topics."""
+        """Publishers of topics."""
         return "; ".join(
             f"{topic}: {describe_publishers(self._node, topic, self._types.get(topic, ''))}" for topic in sorted(topics)
         )
@@ -184,7 +184,7 @@ class Inlets:
         self._unheard[topic] = QoSPolicyKind(int(event.last_policy_kind)).name.lower()
 
     def _renew(self) -> None:
-        """Subscribe anew as all publishers of a topic can be heard; not from within the subscription's own events."""
+        """Subscribe again so that every publisher can be heard; not from within the subscription's own events."""
         for topic, policy in self._unheard.items():
             seen = describe_publishers(self._node, topic, self._types[topic])
             self._node.get_logger().info(f"{topic}: listening anew, for its publishers' {policy}: {seen}")

@@ -104,7 +104,7 @@ class RecordNode(Node):
         self._progress = Progress(enough, self.settings.stop_when_idle_s)
         self._writer: BagWriter | None = None
         self._retained = time.monotonic()
-        self._told_silent = self._told_stuck = False
+        self._reported_silent = self._reported_stuck = False
         self._looked = time.monotonic()
         self._stood_still, self._stood_until = "", -math.inf
         depth = depth_for(self.settings.rate_hz, self.settings.queue_s)
@@ -155,7 +155,7 @@ class RecordNode(Node):
             try:
                 self._write(writer, topic, raw)
             except OSError as error:
-                self._let_go()
+                self._close_writer()
                 raise self._cut_short(writer.path, error) from error
 
     def _drop_if_empty(self, path: Path) -> bool:
@@ -172,7 +172,7 @@ class RecordNode(Node):
         return topic_name(self, topic, "stop_after"), int(count)
 
     def _open(self) -> None:
-        # Optional packages are imported where they are used, so that a missing one is told in one line.
+        # Optional packages are imported where they are used, so that a missing one gives one line.
         from textile_twin_core.recordings import BagWriter
 
         path = self._place.take_next()
@@ -202,7 +202,7 @@ class RecordNode(Node):
         except OSError as error:
             if self._writer is None:
                 raise
-            self._give_up(self._writer.path, error)
+            self._end_recording(self._writer.path, error)
 
     def _take(self, topic: str, raw: bytes) -> None:
         if self._writer is None:
@@ -210,7 +210,7 @@ class RecordNode(Node):
         try:
             self._write(self._writer, topic, raw)
         except OSError as error:
-            self._give_up(self._writer.path, error)
+            self._end_recording(self._writer.path, error)
 
     def _write(self, writer: BagWriter, topic: str, raw: bytes) -> None:
         if not self._inlets.is_anothers(topic, raw):
@@ -224,21 +224,21 @@ class RecordNode(Node):
         try:
             self._writer.flush()
         except OSError as error:
-            self._give_up(self._writer.path, error)
+            self._end_recording(self._writer.path, error)
             return
         now = time.monotonic()
         if self.settings.keep_GB and now - self._retained > _RETENTION_S:
             self._retained = now
             stuck = self._place.retain(self._writer, round(self.settings.keep_GB * 1e9))
-            if stuck and not self._told_stuck:
+            if stuck and not self._reported_stuck:
                 self.get_logger().warning(f"keep_GB: {stuck[0]}, {len(stuck)} such: more is kept than asked for")
-            self._told_stuck = bool(stuck)
+            self._reported_stuck = bool(stuck)
         if self._progress.is_complete() and not self.finished.done():
             self.finished.set_result(0)
         silent = self._progress.is_silent(self.settings.no_data_timeout_s)
-        if silent and not self._told_silent:
+        if silent and not self._reported_silent:
             self.get_logger().warning(self._silence())
-        self._told_silent = silent
+        self._reported_silent = silent
 
     def _notice_standstill(self) -> None:
         """Say so where this process stood still for longer than queues hold messages."""
@@ -254,13 +254,13 @@ class RecordNode(Node):
         )
         self.get_logger().warning(self._stood_still)
 
-    def _give_up(self, path: Path, error: OSError) -> None:
+    def _end_recording(self, path: Path, error: OSError) -> None:
         """The disk takes no more, or the file has gone: what is on it stays, the node ends."""
-        self._let_go()
+        self._close_writer()
         if not self.finished.done():
             self.finished.set_exception(self._cut_short(path, error))
 
-    def _let_go(self) -> None:
+    def _close_writer(self) -> None:
         """Leave the recording as it is on the disk; one without a message goes where its name is ours."""
         writer, self._writer = self._writer, None
         self._inlets.write_to(None)
@@ -270,7 +270,7 @@ class RecordNode(Node):
             self._drop_if_empty(writer.path)
 
     def _cut_short(self, path: Path, error: OSError) -> RecordingError:
-        """What to tell of a recording that ends so."""
+        """Error for a recording that ends so."""
         reason = f"{path}: {error.strerror or error}: the recording ends after {self._progress.counts.total()} messages"
         if self._progress.anything and not isinstance(error, FileNotFoundError):
             reason += "; make room, and keep it with textile-twin recover"
@@ -280,14 +280,14 @@ class RecordNode(Node):
         wanted = self._inlets.wanted
         if not wanted:
             return f"nothing to record for {self.settings.no_data_timeout_s:g} s"
-        told = self._inlets.describe({topic for topic in wanted if not self._progress.counts[topic]})
-        return f"no data to record for {self.settings.no_data_timeout_s:g} s: {told or 'all topics fell silent'}"
+        silent = self._inlets.describe({topic for topic in wanted if not self._progress.counts[topic]})
+        return f"no data to record for {self.settings.no_data_timeout_s:g} s: {silent or 'all topics fell silent'}"
 
     def _statuses(self) -> list[Status]:
         values: dict[str, object] = {topic: self._progress.counts[topic] for topic in self._inlets.topics}
         if self._writer is None:
             return [Status("recording", OK, "not recording", values)]
-        if self._told_silent:
+        if self._reported_silent:
             return [Status("recording", WARN, self._silence(), values)]
         if time.monotonic() - self._stood_until < WINDOW_S:
             return [Status("recording", WARN, self._stood_still, values)]
@@ -300,9 +300,9 @@ class RecordNode(Node):
         try:
             self._open()
             if self._writer is not None:
-                self._writer.flush()  # a full disk is told now
+                self._writer.flush()  # a full disk shows now
         except (TwinError, OSError) as error:
-            self._let_go()
+            self._close_writer()
             response.success, response.message = False, str(error)
             return response
         if self._writer is None:

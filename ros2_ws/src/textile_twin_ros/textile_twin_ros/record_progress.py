@@ -14,7 +14,7 @@
 #
 # SPDX-License-Identifier: Apache-2.0
 
-"""How far a recording is: what it has taken, whether that is all, and whether it has fallen silent."""
+"""Progress of a recording: messages taken, completeness, and silence."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Progress:
     """Counts the messages of a recording.
 
     Args:
-        enough: the recording is complete with so many messages of these topics.
+        enough: numbers of messages of topics with which the recording is complete.
         idle_s: and after so long without a message, once there was one; 0 is never.
     """
 
@@ -55,7 +55,7 @@ class Progress:
             self.anything = True
 
     def is_complete(self) -> bool:
-        """Whether nothing more is to come."""
+        """Return whether the recording has all its messages."""
         quiet_s = time.monotonic() - self._last_s
         if self._ends_by_silence and quiet_s > self._idle_s:
             return True
@@ -64,7 +64,7 @@ class Progress:
         return bool(self._enough) and enough and quiet_s > _AFTERMATH_S
 
     def is_silent(self, timeout_s: float) -> bool:
-        """Whether nothing has come for so long; where silence is the end, it is nothing to tell."""
+        """Return whether the topics are silent for `timeout_s`; where silence ends the recording it is no fault."""
         return time.monotonic() - self._last_s > timeout_s and not self._ends_by_silence
 
     @property

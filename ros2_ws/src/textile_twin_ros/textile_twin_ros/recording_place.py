@@ -14,7 +14,7 @@
 #
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where recordings go: into a folder that was named, or into one of their own, named by date, time and machine."""
+"""Folder of a recording: the given one, or one of its own, named by date, time and machine."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class RecordingPlace:
         raise AssertionError("there is always a free number")
 
     def retain(self, writer: BagWriter, most_bytes: int) -> list[str]:
-        """Keep at most so many bytes: the oldest recordings of the folder go first, then this one's oldest files.
+        """Limit the recordings to `most_bytes`: the folder's oldest recordings go first, then this one's oldest files.
 
         Recordings of other machines in the folder count for themselves; what has no metadata.yaml is being written.
         What could not be removed, one line each, as where somebody else's recordings are.
@@ -96,7 +96,7 @@ class RecordingPlace:
         return stuck
 
     def room_bytes(self, current: Path) -> int:
-        """What recordings may take on this disk: what is free on it, and what this machine's earlier ones take."""
+        """Bytes that recordings may take on this disk: its free space, and that of this machine's earlier ones."""
         room = shutil.disk_usage(current.parent).free
         for path in self._earlier(current) if self.by_time else []:
             with suppress(OSError):  # what cannot be looked into cannot be removed either

@@ -83,7 +83,7 @@ class ReplayNode(Node):
     """Publishes the bytes of a recording from a thread of its own, paced by the times at which they were recorded."""
 
     def __init__(self) -> None:
-        # Optional packages are imported where they are used, so that a missing one is told in one line.
+        # Optional packages are imported where they are used, so that a missing one gives one line.
         from textile_twin_core.recordings import open_bag
 
         super().__init__("replay_node")
@@ -169,7 +169,7 @@ class ReplayNode(Node):
         return 0 if complete else 1
 
     def _play_once(self, times: PlayedTimes, shift_ns: int) -> bool:
-        """Play the recording once, stamps moved by so much [ns]; False when told to stop in the middle."""
+        """Play the recording once, stamps moved by so much [ns]; False when stopped in the middle."""
         clock_ns: int | None = None
         for topic, log_ns, raw in self._bag.raw_messages(self._topics):
             played_ns, skipped_ns = times.take(log_ns)
@@ -202,7 +202,7 @@ class ReplayNode(Node):
         self._clock_publisher.publish(message)
 
     def _wait_for_subscribers(self) -> bool:
-        """Wait until those are matched who are to hear it all; False when told to stop.
+        """Wait until those are matched who are to hear it all; False when stopped.
 
         Raises:
             SceneError: they did not come in time.
@@ -228,7 +228,7 @@ class ReplayNode(Node):
         matched = {topic: publisher.get_subscription_count() for topic, publisher in self._outlets.items()}
         if self._needed:
             return all(matched[topic] >= count for topic, count in self._needed.items())
-        # Nobody says who is still to come: those who are here have to be the same for a while.
+        # Late subscribers are not announced: those who are here have to be the same for a while.
         if matched != self._matched:
             self._matched, self._matched_at = matched, time.monotonic()
         return any(matched.values()) and time.monotonic() - self._matched_at > _SETTLED_S

@@ -186,7 +186,7 @@ class SampleInput:
 
         Args:
             counts: what became of its samples, as `health.sample_findings` knows it.
-            seen: what is wrong beside, told first.
+            seen: other faults, reported first.
         """
         others = self._other_joints
         counts = {"other_joints": others.count, **(counts or {})}
@@ -204,7 +204,7 @@ class SampleInput:
         return judged(status, findings)
 
     def _burst_findings(self) -> list[Finding]:
-        """Whether the latest samples were stamped in bursts; edges come when they pass."""
+        """Detect stamps in bursts among the latest samples; edges come when they pass."""
         if self.msgtype == HEADER or not self._window:
             return []
         stamps, values = zip(*self._window, strict=True)
@@ -220,19 +220,19 @@ class SampleInput:
         return named if monotonic() - self._all_named < _NAME_S else names
 
     def restart(self) -> None:
-        """Begin to watch anew."""
+        """Restart the watch."""
         self.watch.restart()
         self._recent, self._newest_ns = Recent(), None
         self._other_joints = OtherJoints()
         self._window.clear()
 
     def has_publishers(self) -> bool:
-        """Whether anybody publishes there."""
-        with self._node.handle:  # the name is known to be valid: checking it anew is most of the work
+        """Return whether the topic has a publisher."""
+        with self._node.handle:  # the name is known to be valid: to check it again is most of the work
             return bool(self._node.handle.get_count_publishers(self.name))
 
     def renew(self) -> None:
-        """Subscribe anew where a best-effort publisher has appeared; not from within the subscription's own events."""
+        """Subscribe again where a best-effort publisher has appeared; not from within the subscription's own events."""
         if self._renew_due:
             self._renew_due = False
             self._node.destroy_subscription(self._subscription)

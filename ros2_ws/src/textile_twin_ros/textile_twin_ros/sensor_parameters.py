@@ -43,7 +43,7 @@ class EncoderParameters:
     )
 
     def encoder(self) -> dict[str, float]:
-        """What was told of the encoder, by the names of its settings."""
+        """Configured settings of the encoder, by name."""
         unset = {"missing_teeth": -1, "stamp_jitter_s": -1.0}
         given = {name: getattr(self, f"encoder_{name}") for name in ENCODER_OPTIONS}
         return {name: value for name, value in given.items() if value != unset.get(name, 0)}

@@ -75,7 +75,7 @@ class AngleInput(SampleInput):
         return [self.status({**own, **(counts or {})}, self._unit_findings()), *index]
 
     def restart(self) -> None:
-        """Begin to watch anew, and forget where the shaft stands."""
+        """Restart the watch, and forget the shaft's angle."""
         super().restart()
         self._reference = self._create()
         self._latest.clear()
@@ -83,7 +83,7 @@ class AngleInput(SampleInput):
             self._index.restart()
 
     def renew(self) -> None:
-        """As in SampleInput, for both topics."""
+        """Renew the subscriptions of both topics, as SampleInput does."""
         super().renew()
         if self._index is not None:
             self._index.renew()
@@ -133,12 +133,12 @@ class TorqueInput(SampleInput):
         super().__init__(node, "balancing_torque/measured", kind, *common, take)
 
     def status(self, counts: Mapping[str, float] | None = None, seen: Iterable[Finding] = ()) -> Status:
-        """As in SampleInput, with what the samples themselves show."""
+        """Status as of SampleInput, with the faults of the samples."""
         own = {**self._rejected, "set_back": self._restarts.count}
         return super().status({**own, **(counts or {})}, seen)
 
     def restart(self) -> None:
-        """Begin to watch anew."""
+        """Restart the watch."""
         super().restart()
         self._begin()
 
@@ -151,7 +151,7 @@ class TorqueInput(SampleInput):
         super()._accept([(stamp, self._judged(stamp, value * self._unit), rate) for stamp, value, rate in block])
 
     def _judged(self, stamp_ns: int, torque_Nm: float) -> float:
-        """The torque, NaN where it is none; counts what does not serve."""
+        """The torque, NaN where it is unusable; counts the unusable ones."""
         if not abs(torque_Nm) <= LARGEST:  # one number that is absurd would spoil sums and scales for long
             self._rejected["rejected_not_finite"] += 1
             return math.nan

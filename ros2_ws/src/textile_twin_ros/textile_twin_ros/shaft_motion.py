@@ -76,7 +76,7 @@ class SimulatedEncoder:
         return theta_rad / (self.direction * self.ratio) + self.zero_rad
 
     def read(self, theta_rad: float) -> float:
-        """What it shows at this shaft angle, in [0, 2 pi)."""
+        """Reading at this shaft angle, in [0, 2 pi)."""
         angle = self.turned(theta_rad) % TURN
         if not self.bits:
             return angle
@@ -141,5 +141,5 @@ class SimulatedTorqueSensor:
         self._random = Random(self.seed)
 
     def read(self, torque_Nm: float) -> float:
-        """What it shows at this torque."""
+        """Reading at this torque."""
         return self.gain * torque_Nm + self.offset_Nm + self._random.gauss(0.0, self.noise_Nm)

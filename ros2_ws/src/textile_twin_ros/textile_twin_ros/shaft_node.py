@@ -97,7 +97,7 @@ class ShaftNode(Node):
         self._thread.start()
 
     def _create_angle(self, encoder: ttc.machines.Encoder, qos: QoSProfile) -> Callable[[int, float, float], None]:
-        """What publishes the angle, or the edges and the index since the sample before, for (start [ns], time, before).
+        """Publisher of the angle, or of edges and index since the sample before, for (start [ns], time, before).
 
         Raises:
             SceneError: edges of a wheel that has no teeth, or whose tooth 0 nothing would tell.
@@ -154,12 +154,12 @@ class ShaftNode(Node):
         return 0
 
     def _begun_ns(self) -> int:
-        """Now, which where it is a simulation's time is there from the first /clock on; 0 when told to stop."""
-        told = False
+        """Now, which where it is a simulation's time is there from the first /clock on; 0 when stopped."""
+        warned = False
         while not (now_ns := self.get_clock().now().nanoseconds) and not self._stop.wait(_LOOK_S):
-            if not told:
+            if not warned:
                 self.get_logger().warning("waits for a first /clock: use_sim_time is set, and nobody has told the time")
-            told = True
+            warned = True
         return now_ns
 
     def _publish_torque(self, stamp_ns: int, time_s: float) -> None:

@@ -47,7 +47,7 @@ from textile_twin_ros.usage import explain, read_words
 
 EXECUTORS = ("events", "single")
 _REFUSALS = (InvalidParameterTypeException, InvalidParameterValueException, rclpy_implementation.RCLError)
-# How soon it is noticed that the node has finished or is told to end.
+# How soon it is noticed that the node has finished or has to end.
 _LOOK_S = 0.2
 # Each spin of the events executor leaves 32 bytes behind, and each callback of the other one adds to the future of the
 # spin: spins are not short, and each has a future of its own. A node that has fallen behind looks between two of them.
@@ -69,7 +69,7 @@ class SuiteNode(Protocol):
 
 
 class _Regular:
-    """What a node does every so often."""
+    """Periodic task of a node."""
 
     def __init__(self, period_s: float, callback: Callable[[], None]) -> None:
         self._period_s, self._callback = period_s, callback
@@ -115,15 +115,15 @@ def create_executor(name: str, context: Context | None = None) -> Executor:
 
 
 class _Ending:
-    """Whether a signal has told the process to end; rclpy's own handlers end the context under running callbacks."""
+    """Flag of an ending signal; rclpy's own handlers end the context under running callbacks."""
 
     def __init__(self) -> None:
-        self.told = False
+        self.requested = False
         for number in ENDING_SIGNALS:
             signal.signal(number, self._tell)
 
     def _tell(self, _number: int, _frame: FrameType | None) -> None:
-        self.told = True
+        self.requested = True
 
 
 @contextmanager
@@ -138,9 +138,9 @@ def ends_at_once() -> Iterator[None]:
 
 
 def run(command: str, create: Callable[[], SuiteNode], declaration: type, arguments: list[str] | None = None) -> int:
-    """Run one node until it finishes or is told to end, and return the process's exit code.
+    """Run one node until it finishes or has to end, and return the process's exit code.
 
-    0 after SIGINT, SIGTERM or the node's own end; 2 for the user's mistake, told in one line on stderr.
+    0 after SIGINT, SIGTERM or the node's own end; 2 for the user's mistake, one line on stderr.
 
     Args:
         command: the node's command, as messages name it.
@@ -202,7 +202,7 @@ def _created(create: Callable[[], SuiteNode]) -> SuiteNode:
 
 
 def is_refusal(error: Exception) -> bool:
-    """Whether rclpy or the middleware refuses a parameter, a name or a quality of service."""
+    """Return whether rclpy or the middleware refuses a parameter, a name or a quality of service."""
     return isinstance(error, _REFUSALS) or (type(error) is RuntimeError and "QoS override" in str(error))
 
 
@@ -220,7 +220,7 @@ def _spin(node: SuiteNode, ending: _Ending) -> int:
     turn = Future()
 
     def look() -> None:
-        if (ending.told or node.finished.done()) and not turn.done():
+        if (ending.requested or node.finished.done()) and not turn.done():
             turn.set_result(None)
 
     call_every(cast(Node, node), _LOOK_S, look)  # with it Python hears of a signal, too
@@ -228,7 +228,7 @@ def _spin(node: SuiteNode, ending: _Ending) -> int:
     # tenth of a second now and then.
     gc.collect()
     gc.freeze()
-    while not ending.told and not node.finished.done():
+    while not ending.requested and not node.finished.done():
         turn = Future()
         executor.spin_until_future_complete(turn, timeout_sec=_SPIN_S)
     return int(node.finished.result()) if node.finished.done() else 0

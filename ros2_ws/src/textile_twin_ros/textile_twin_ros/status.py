@@ -59,7 +59,7 @@ def show(seconds: float | None, follow: bool, out: Callable[[str], object] = sys
 
     Args:
         seconds: how long to listen before printing first; None: 2.5 s, and up to 6 s until a node is heard.
-        follow: print anew every second until Ctrl-C, in place on a terminal.
+        follow: print again every second until Ctrl-C, in place on a terminal.
         out: takes the text.
 
     Raises:

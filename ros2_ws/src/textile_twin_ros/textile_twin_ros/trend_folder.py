@@ -14,7 +14,7 @@
 #
 # SPDX-License-Identifier: Apache-2.0
 
-"""The trend of a monitor's turns, in a folder: a file for each time that it is written, the rest held meanwhile."""
+"""The trend of a monitor's turns, in a folder: a file for each write, with a buffer between writes."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ Columns = Mapping[str, FloatArray | IntArray]
 
 
 class TrendFolder:
-    """Holds trends until they are written.
+    """Buffer of trends until they are written.
 
     Args:
-        folder: where; made if need be.
-        most: so many writes in a row may fail without a loss.
+        folder: folder of the files, made if it is missing.
+        most: number of writes in a row that may fail without a loss.
 
     Raises:
         TwinError: nothing can be written there.
@@ -54,10 +54,10 @@ class TrendFolder:
         self._new.append(trend.columns)
 
     def write(self) -> None:
-        """Write what is held.
+        """Write the buffer.
 
         Raises:
-            TwinError: it cannot be written; it is held, but for the oldest where too many writes have failed.
+            TwinError: it cannot be written; it stays in the buffer, which drops the oldest after too many failures.
         """
         if self._new:
             self._waiting.append(_joined(self._new))
@@ -72,7 +72,7 @@ class TrendFolder:
             self._prepare()
             parquet.write_table(pyarrow.table(columns), self._folder / f"trend_{int(columns['stamp_ns'][0])}.parquet")
         except OSError as error:
-            raise TwinError(f"{self._told(error)}{self._drop_oldest()}") from error
+            raise TwinError(f"{self._message(error)}{self._drop_oldest()}") from error
         except TwinError as error:
             raise TwinError(f"{error}{self._drop_oldest()}") from error
         self._waiting.clear()
@@ -89,10 +89,10 @@ class TrendFolder:
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise TwinError(self._told(error)) from error
+            raise TwinError(self._message(error)) from error
         check_folder(self._folder / "trend.parquet")
 
-    def _told(self, error: OSError) -> str:
+    def _message(self, error: OSError) -> str:
         return f"parameter 'parquet': {self._folder}: {error.strerror or error}"
 
 

@@ -14,7 +14,7 @@
 #
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whether a monitor sees the shaft's turns at all, and if not, what of the torque keeps it from them."""
+"""Watch over a monitor's turns: a reason where it sees none of the shaft's turns."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class TurnWatch:
             self._apart_s = (int(torques[0][-1]) - newest[0]) * 1e-9
 
     def findings(self) -> list[Finding]:
-        """What there is to tell: nothing while turns are watched, or the shaft has hardly turned since."""
+        """Findings: an empty list while turns are watched, or the shaft has hardly turned since."""
         if self._since is None or self._newest is None:
             return []
         turns = abs(self._newest[1] - self._since[1]) / math.tau

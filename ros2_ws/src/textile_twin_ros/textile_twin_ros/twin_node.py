@@ -130,14 +130,14 @@ class TwinNode(LifecycleNode):
         def answer(request: ChangeState.Request, response: ChangeState.Response) -> ChangeState.Response:
             try:
                 return change(request, response)
-            except rclpy_implementation.RCLError:  # which the middleware has told in the log
+            except rclpy_implementation.RCLError:  # which the middleware has logged
                 response.success = False
                 return response
 
         service.callback = answer
 
     def close(self) -> None:
-        """Nothing is left open: what was published is with the middleware."""
+        """Do nothing: the middleware has all published messages."""
 
     @ends_on_error
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -171,7 +171,7 @@ class TwinNode(LifecycleNode):
         """Listen."""
         settings, stream = self.settings, self._stream
         assert stream is not None and self._machine is not None
-        self._starting = False  # by whichever way it came to this
+        self._starting = False  # however it came to this
         stream.reset()
         self._measured = MeasuredTorque()
         depth = settings.qos_depth or depth_for(settings.rate_hz)
@@ -225,7 +225,7 @@ class TwinNode(LifecycleNode):
             self._stream.take_torques([(stamp, torque) for stamp, torque, _ in block])
 
     def _look(self) -> None:
-        """What has to be looked after between samples: who listens, whether to start, whether the input has ended."""
+        """Check listeners, start and the end of the input between samples."""
         stream = self._stream
         if stream is None:
             return

@@ -48,7 +48,7 @@ from textile_twin_ros.twin_outputs import (
 )
 
 _REPEAT_S = 10.0
-"""Stamps that leap to and fro are told of so often at most."""
+"""Shortest time between reports on stamps that step to and fro [s]."""
 
 
 class TwinStream:
@@ -75,7 +75,7 @@ class TwinStream:
         self._machine = machine.name
         self._compile = twins_of(machine)
         self._outputs = outputs_of(machine, joint_rate_hz)
-        # A machine with a history goes through all of it, whoever listens.
+        # A machine with a history goes through all of it, with or without listeners.
         self._has_history = machine.has_history
         self._idle = self._compile(self._needs(self._outputs) if self._has_history else ())
         self._has_torque = machine.tells_torque
@@ -131,7 +131,7 @@ class TwinStream:
 
     @staticmethod
     def _needs(outputs: Iterable[Output], more: tuple[str, ...] = ()) -> tuple[str, ...]:
-        """What the engine has to compute for these topics, each once."""
+        """Outputs of the engine that these topics need, each once."""
         return tuple(dict.fromkeys([name for output in outputs for name in output.needs] + list(more)))
 
     def wanted_topics(self) -> list[str]:
@@ -180,22 +180,22 @@ class TwinStream:
 
     @property
     def report(self) -> SampleReport:
-        """What became of the angle samples, and how the estimator stands."""
+        """Counts of the angle samples, and the state of the estimator."""
         return self._session.report
 
     def sample_counts(self, report: SampleReport) -> dict[str, float]:
-        """What became of the angle samples."""
+        """Counts of the angle samples."""
         return sample_counts(report, self._restarts.count)
 
     @staticmethod
     def estimator_status(shaft: str, report: SampleReport) -> Status:
-        """How the estimator stands."""
+        """State of the estimator."""
         level = state_level(report.state)
         values = {key: value for key, value in report.to_json().items() if not isinstance(value, dict | list)}
         return Status("shaft estimator", level, f"{shaft}: {report.text()}", values)
 
     def residual_status(self, measured_rms_Nm: float, limit_Nm: float, both_come: bool) -> Status:
-        """How far measured and predicted torque are apart; `health.residual_findings` tells when that is too far.
+        """Residual of the torque; `health.residual_findings` reports one beyond its limit.
 
         both_come: whether neither angles nor torques are silent.
         """
@@ -229,13 +229,13 @@ class TwinStream:
                 self.publishers[RESIDUAL_TOPIC].publish(message)
 
     def _publish_events(self) -> None:
-        """What has happened at stops and pads, taken whether anybody listens or not: it would pile up."""
+        """Publish the contact events; they are taken without a listener too, or they would pile up."""
         events = self._session.take_events()
         if events and self.publishers[contact_events.TOPIC].get_subscription_count():
             self.publishers[contact_events.TOPIC].publish(contact_events.contact_message(events, self._machine))
 
     def _warm_up(self) -> None:
-        """Run every path once, so that the first sample is not kept waiting for what is made at first use."""
+        """Run every path once, so that the first sample does not wait for objects made at first use."""
         self._node.get_logger().info(
             "warming up: what is compiled takes up to a minute once on a computer, then a second"
         )

@@ -14,7 +14,7 @@
 #
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the shell's words before --ros-args mean: help is shown, anything else is a mistake that says what was meant."""
+"""Shell words before --ros-args: help is shown, anything else is a mistake with a suggestion."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def read_words(command: str, summary: str, declaration: type, arguments: list[st
 
 
 def explain(error: Exception) -> str:
-    """What rcl says against words after --ros-args, without the places in its source and with what to write instead."""
+    """Message of rcl on words after --ros-args, without places in its source and with a correction."""
     text = _SOURCE_PLACE.sub("", str(error))
     wrong = re.search(r"remap rule: '(?:-r|--remap) (.*?)'", text)
     if wrong is None:

@@ -14,7 +14,7 @@
 #
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a view is fed with: the twin's topics in blocks, for a linkage and for a machine of sliding elements."""
+"""Input of a view: the twin's topics in blocks, for a linkage and for a machine of sliding elements."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class LinkageFeed:
         self.inputs = list(self._inputs.values())
 
     def expected(self) -> list[SampleInput]:
-        """Without a torque sensor nothing is measured, and there is no residual: these are expected with one alone."""
+        """Expected topics; measured torque and residual only with a torque sensor."""
         measured = self._inputs.get("balancing_torque/measured")
         if measured is None or measured.watch.received or measured.has_publishers():
             return self.inputs
@@ -114,7 +114,7 @@ class LinkageFeed:
             del samples[:-_MOST_WAITING]
 
     def _follow_restart(self) -> None:
-        """Where a recording is played once more, the view's time goes on: what comes now is shown a second later."""
+        """Continue the view's time a second later where a recording is played once more."""
         stamps = [sample[0] for sample in self._samples["joint_states"]]
         if not stamps or stamps[-1] > max(stamps) - SECOND_NS:
             return

@@ -70,7 +70,7 @@ class ViewNode(Node):
 
     def __init__(self) -> None:
         super().__init__("view_node")
-        # Optional packages are imported where they are used, so that a missing one is told in one line; and after the
+        # Optional packages are imported where they are used, so that a missing one gives one line; and after the
         # node, which finds the others meanwhile.
         from textile_twin_core.views import LiveElements, LiveRecording, LiveView
 
@@ -111,10 +111,10 @@ class ViewNode(Node):
         self.get_logger().info(f"look at it with: {' or '.join(shown + ([settings.file] if settings.file else []))}")
 
     def close(self) -> None:
-        """Draw what is left and complete the file.
+        """Draw the remaining samples and complete the file.
 
         Raises:
-            RecordingError: the file is not complete, and nobody was told so before.
+            RecordingError: the file is not complete, and this was not reported before.
         """
         self._feed_view()
         self._view.close()
