@@ -1,8 +1,8 @@
-"""Means over blocks of time, weighed by triangles, in which an estimated acceleration is exact.
+"""Block averages with triangular weights, in which an estimated acceleration is exact.
 
-An acceleration is estimated with errors that grow with the square of the frequency and are largest where it leaps with
-the load. A mean weighed by a triangle holds it as a second difference of the angle at the triangle's ends, with none of
-them (modulating functions, Shinbrot 1957).
+Errors of an estimated acceleration grow with the square of the frequency and are largest at discontinuities of the
+load. Its average with triangular weights is a second difference of the angle at the triangle's ends, without these
+errors (modulating functions, Shinbrot 1957).
 """
 
 from __future__ import annotations
@@ -12,22 +12,22 @@ import numpy as np
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 
 _SAMPLES = 10.0
-"""Of a block, which tell as much as more of them."""
+"""Samples in a block beyond which more add no information."""
 _WHOLE = 0.7
-"""Of the usual weight of a block's samples, below which some are missing and the block does not count."""
+"""Share of the usual weight of a block's samples below which the block is discarded."""
 _WILD = 3.0
-"""Root mean squares that count as a block's scale: only what lies beyond some of these is wild."""
+"""Scale of Huber's loss of blocks in root mean squares: only residuals beyond it are outliers."""
 _RUN = 240
-"""Samples that follow each other, of a record of which not all are taken."""
+"""Consecutive samples in each part of a thinned record."""
 
 
 def means(place: FloatArray, values: FloatArray, good: BoolArray) -> tuple[FloatArray, BoolArray]:
-    """Means (b, k) of values (n, k) over triangles that begin and end one block beside their middle.
+    """Average values (n, k) with triangular weights that reach one block to either side: (b, k).
 
     Args:
-        place: (n,) time in blocks, increasing. values: at these. good: (n,) which of them count.
+        place: (n,) time in blocks, increasing. values: at these times. good: (n,) mask of the usable values.
 
-    Returns the means and where enough samples are in them, (b,).
+    Returns the averages and a mask (b,) of those with enough samples.
     """
     before = np.floor(place)
     nodes, inverse = np.unique(np.concatenate([before, before + 1.0]), return_inverse=True)
@@ -40,7 +40,7 @@ def means(place: FloatArray, values: FloatArray, good: BoolArray) -> tuple[Float
 
 
 def fewer(count: int, in_a_block: float, most: int) -> IntArray:
-    """Which of `count` samples are taken, so many of them in a block, for at most `most`: runs that fill blocks."""
+    """Choose at most `most` of `count` samples, of which a block has `in_a_block`, in runs that fill blocks."""
     taken = np.arange(0, count, max(int(in_a_block / _SAMPLES), 1))
     if taken.size <= most:
         return taken
@@ -49,5 +49,5 @@ def fewer(count: int, in_a_block: float, most: int) -> IntArray:
 
 
 def scale(residual: FloatArray) -> float:
-    """Scale of Huber's loss for what is left in blocks (b,): those with a jump scatter more and tell as much."""
+    """Scale of Huber's loss for residuals of blocks (b,), so wide that blocks with a discontinuity count in full."""
     return _WILD * float(np.sqrt(np.mean(residual**2))) + 1e-300

@@ -1,4 +1,4 @@
-"""The one criterion for departures: the evidence of a set of them, in closed form about a fit, and a sparse search.
+"""Criterion for departures from nominal: the evidence of a set of them, in closed form about a fit, and its search.
 
 With A the information over the inflation, g the gradient, D the prior variances, m = nominal - x and u = g + m / D, the
 logarithm of the evidence is u' (A + 1/D)^-1 u / 2 - m' D^-1 m / 2 - log det(I + D A) / 2 plus the log odds of the set
@@ -24,7 +24,7 @@ EQUIVALENT_NATS = 3.0
 _PAIRED = 8
 """Likeliest single departures with which all pairs are tried."""
 _MOST = 6
-"""Departures beyond which a set no longer grows."""
+"""Largest number of departures in a set."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class QuadraticEvidence:
         found, mean, sigma = self._gaussian(k, spread)
         for p, m, s, wide in zip(known, mean.tolist(), sigma.tolist(), spread.tolist(), strict=True):
             if np.isfinite(p.low):
-                # what a bound cuts off of the posterior and of the prior
+                # share of the posterior and of the prior within the bound
                 low = p.low - p.tolerance
                 found += float(log_ndtr((m - low) / s)) - float(log_ndtr((p.nominal - low) / wide))
         total: float = float(found) + sum(p.log_odds for p in known)
@@ -100,12 +100,12 @@ class QuadraticEvidence:
 
 
 def is_one(measurement: Measurement, departing: Collection[str]) -> bool:
-    """Whether a set names delay and inertia where a controller of the speed makes them look alike."""
+    """Return true if a set contains both delay and inertia although a speed-controlled drive makes them look alike."""
     return measurement.record.speed_controlled and {DELAY, ROTOR} <= set(departing)
 
 
 def choose(measurement: Measurement, fit: Fit, inflation: float, start: Collection[str] = ()) -> Choice:
-    """The likeliest set of departures: add, drop and swap one, and pairs with a likely one where there is none yet."""
+    """Search the likeliest set of departures: add, drop and swap one; from an empty set also add pairs."""
     names, evidence = measurement.names, QuadraticEvidence(measurement, fit, inflation)
     seen: dict[Departures, float] = {}
 

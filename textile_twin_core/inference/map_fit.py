@@ -20,20 +20,20 @@ from textile_twin_core.inference.robust import huber_loss, huber_weights, robust
 
 TURN = 2.0 * np.pi
 _LONGEST = {ZERO: 0.15, DELAY: 0.01, DRIFT: 3e-4, GAIN: 0.7}
-"""Longest step of one iteration: the torque is a wave of the angle."""
+"""Longest step of one iteration, since the torque oscillates with the angle."""
 _HIGHEST = {GAIN: 0.95}
-"""Beyond it the gain would be twenty times that of the nearest unit."""
+"""Upper bounds: beyond this one the gain would be twenty times that of the nearest unit."""
 _REACH = 6.0
-"""Widest departures' standard deviations beyond which no value is sought."""
+"""Bounds of the values in standard deviations of the widest departure."""
 _CONVERGED, _MOST_DAMPING = 1e-3, 1e4
 _KEPT = 0.7
 """Share of the samples that a step must keep."""
 _WIDENED = 3
-"""Fits that follow the widths of the priors at most."""
+"""Most refits with updated widths of the priors."""
 _BESIDE = 3.0
-"""Robust scales of the residual by which a sample's own standard deviation beside a step of the load counts."""
+"""Standard deviation of a sample beside a step of the load, in robust scales of the residual, that halves its weight."""
 _CLUSTERED = (ZERO, DELAY, GAIN, COULOMB, ROTOR)
-"""Parameters by whose scores per turn the inflation of the residuals is judged."""
+"""Parameters whose scores per turn give the inflation of the residuals."""
 
 
 @dataclass(frozen=True)
@@ -45,8 +45,8 @@ class Fit:
         information: (k, k) of the readings without inflation; gradient: (k,) of their log likelihood.
         scale: of Huber's loss [N m]. inflation: variance of scores per turn over that of independent samples.
         rms: of the residual [N m]. explained: share of the torque's variance.
-        log_likelihood: with the inflation given, without constants. Samples that a shift of time takes out of the fit
-            count as the mean of the others, so that no delay is likelier for leaving samples out.
+        log_likelihood: with the given inflation, without constants. Samples that a shift of time removes from the fit
+            count as the mean of the others, so that removing samples makes no delay likelier.
         covariance: (k, k) of the values, priors included.
         count: residuals that entered.
     """
@@ -66,9 +66,9 @@ class Fit:
 
 @dataclass(frozen=True)
 class _Weighed:
-    """Residuals as weighed at one place: normal matrix, gradient, cost and what they were made from.
+    """Weighted residuals at one place: normal matrix, gradient, cost and their sources.
 
-    absent: what samples that are not in the fit would add to the cost, each as much as the mean of the others.
+    absent: cost of the samples that are not in the fit, each as the mean of the others.
     """
 
     information: FloatArray
@@ -86,7 +86,7 @@ class _Weighed:
 
 
 def prior_variance(measurement: Measurement, departing: Collection[str], x: FloatArray) -> FloatArray:
-    """Prior variances (k,): of departures for the parameters named, of everyday tolerances for all others."""
+    """Prior variances (k,): of departures for the named parameters, of everyday tolerances for all others."""
     pairs = zip(measurement.parameters, x.tolist(), strict=True)
     return np.array([(p.spread(v) if p.name in departing else p.tolerance) ** 2 for p, v in pairs])
 
@@ -165,7 +165,7 @@ def map_fit(
 def wide_fit(
     measurement: Measurement, hypothesis: Hypothesis, x: FloatArray, departing: Collection[str], **options: Any
 ) -> Fit:
-    """`map_fit`, again from where it ends while the widths of the priors change: they follow large departures."""
+    """Repeat `map_fit` from its result while the widths of the priors change, since they follow large departures."""
     fit = map_fit(measurement, hypothesis, x, departing, **options)
     for _ in range(_WIDENED):
         before, after = prior_variance(measurement, departing, x), prior_variance(measurement, departing, fit.x)
@@ -194,7 +194,7 @@ def _weigh(
     columns, good = measurement.means(np.column_stack([left, own, seen.theta, seen.slopes]), seen.good)
     residual, own, theta, slopes = columns[good, 0], columns[good, 1], columns[good, 2], columns[good, 3:]
     if not scale:
-        # means that hold a step of the load scatter more than others and count as much: no robust scale there
+        # averages over a step of the load scatter more but count in full: no robust scale there
         scale = float(np.sqrt(np.mean(residual**2))) if record.block_s else robust_scale(residual)
     weight = huber_weights(residual, scale) * own
     information = (slopes * weight[:, None]).T @ slopes / scale**2
@@ -210,7 +210,7 @@ def _weigh(
     cost += float(np.sum((x - measurement.nominal) ** 2 / variance))
     turn = np.floor(theta / TURN).astype(np.int64)
     if record.block_s * abs(record.speed_rad_s) > 0.5 * TURN:
-        # means over a turn scatter from turn to turn: batches of the square root of their number show it
+        # averages over a turn scatter from turn to turn: batches of the square root of their number show it
         turn = turn // max(math.isqrt(int(np.ptp(turn))), 1) if turn.size else turn
     rms = float(np.sqrt(np.sum(own * residual**2) / max(float(np.sum(own)), 1e-300)))
     return _Weighed(
@@ -226,7 +226,7 @@ def _cost(
     inflation: float,
     here: _Weighed,
 ) -> float:
-    """Cost at another place with the weights of this one, over the samples of both; infinite where too few remain."""
+    """Cost at another place with the weights of this one, over their common samples; infinite with too few."""
     seen = measurement.expected(hypothesis, x)
     columns, good = measurement.means((measurement.record.torque_Nm - seen.torque_Nm)[:, None], seen.good)
     both = here.good & good
@@ -242,7 +242,7 @@ def _cost(
 
 
 def _step(names: tuple[str, ...], index: IntArray, normal: FloatArray, slope: FloatArray, damping: float) -> FloatArray:
-    """Step of all parameters, that of the free ones damped."""
+    """Damped step of the free parameters, zero for the others."""
     inner = normal[np.ix_(index, index)]
     size = np.sqrt(np.diag(inner))
     step = np.zeros(len(names))

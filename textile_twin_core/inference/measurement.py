@@ -1,4 +1,4 @@
-"""The measurement model: what the torque sensor shows under a hypothesis and values of the parameters."""
+"""Measurement model: reading of the torque sensor under a hypothesis and values of the parameters."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from textile_twin_core.inference.record import Record
 from textile_twin_core.inference.torque_model import TabulatedTorque
 
 _ZERO_STEP, _DELAY_STEP = 5e-4, 2e-4
-"""Steps of the slopes by zero [rad] and delay [s]: a sample's noise in the estimated motion averages out over them."""
+"""Steps of the slopes by zero [rad] and delay [s], wide enough to average out the noise of the estimated motion."""
 _SLOW = 0.6
-"""Share of the record's slow speed from which a sample counts, so that no shift of time moves a torque of friction."""
+"""Share of the record's slow speed above which a sample counts, so that no shift of time changes its friction."""
 _KEPT = 3
-"""Motions at different delays that are kept: a fit asks for one place and for both sides of it."""
+"""Number of motions at different delays in the cache: a fit needs one delay and both sides of it."""
 _GUARD_S, _UNCERTAIN = 1e-3, 1e-3
-"""Time beside a step of the load in which stamps cannot tell its side; share of the working torque that matters."""
+"""Time beside a step of the load within which its side is uncertain; share of the working torque that matters."""
 
 States = tuple[FloatArray, FloatArray, FloatArray, BoolArray]
 
@@ -32,7 +32,7 @@ class Hypothesis:
         turn: direction times ratio of the shaft's angle over that of the record's motion.
         gain: of the torque sensor with sign and unit.
         zero_rad: configured zero in shaft angle. delay_s, offset_Nm: configured.
-        unit: factor of the unit in which the torque is logged, and in which a departure of the offset is.
+        unit: factor of the unit of the logged torque and of a departure of the offset.
     """
 
     turn: float
@@ -47,13 +47,13 @@ class Hypothesis:
         return self.offset_Nm + self.unit * departure_Nm
 
     def turned(self, factor: float) -> Hypothesis:
-        """The same with another direction or ratio."""
+        """Return a copy with another direction or ratio."""
         return replace(self, turn=self.turn * factor, zero_rad=self.zero_rad * factor)
 
 
 @dataclass(frozen=True)
 class Expected:
-    """Expected readings (m,), where they count, shaft angle, standard deviation beside steps, slopes (m, k) or None."""
+    """Expected readings (m,), mask of the usable ones, shaft angle, sigma beside steps, slopes (m, k) or None."""
 
     torque_Nm: FloatArray
     good: BoolArray
@@ -76,7 +76,7 @@ class Measurement:
         self._motion: dict[tuple[float, float], States] = {}
 
     def on(self, record: Record) -> Measurement:
-        """The same for another record."""
+        """Return a copy for another record."""
         return Measurement(record, self.model, self.parameters, self.working_torque_Nm)
 
     def values(self, x: FloatArray) -> dict[str, float]:
@@ -84,7 +84,7 @@ class Measurement:
         return dict(zip(self.names, x.tolist(), strict=True))
 
     def states(self, hypothesis: Hypothesis, delay_s: float, drift: float, zero_rad: float) -> States:
-        """Angle, speed and acceleration of the shaft at the instants of which the samples speak, and where they are."""
+        """Return angle, speed and acceleration of the shaft at the samples less the delay, and a mask of known ones."""
         if (delay_s, drift) not in self._motion:
             if len(self._motion) == _KEPT:
                 self._motion.clear()
@@ -124,7 +124,7 @@ class Measurement:
         return Expected(shown, good & np.isfinite(columns).all(axis=1), theta, sigma, columns)
 
     def residual(self, hypothesis: Hypothesis, x: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Measured less expected torque of each sample, and where it counts: not beside a step of the load."""
+        """Return the residual torque of each sample, and a mask of the usable ones, away from steps of the load."""
         v = self.values(x)
         *state, good = self.states(hypothesis, hypothesis.delay_s + v[DELAY], v[DRIFT], v[ZERO])
         guard = _GUARD_S * abs(hypothesis.turn * self.record.speed_rad_s)
@@ -136,7 +136,7 @@ class Measurement:
         return self.record.torque_Nm - gain * found.torque_Nm - hypothesis.shown_offset(v[OFFSET]), good
 
     def means(self, columns: FloatArray, good: BoolArray) -> tuple[FloatArray, BoolArray]:
-        """Values (m, k) at the samples as they are weighed: by themselves, or as means over blocks of time."""
+        """Return values (m, k) at the samples, or their block averages, and a mask of the usable ones."""
         record = self.record
         if not record.block_s:
             return columns, good
@@ -147,7 +147,7 @@ class Measurement:
     ) -> tuple[FloatArray, FloatArray | None]:
         """Residuals (s,) of the readings at standstill over their standard deviations, and slopes (s, k) of the model.
 
-        The shaft then shows weight, springs and the sensor's offset; a brake may hold more.
+        The torque is then due to weight, springs and the sensor's offset; a brake may hold more.
         """
         rests = self.record.standstills
         if not rests:

@@ -1,4 +1,4 @@
-"""A parameter of the measurement model: its nominal value, its tolerance, and what a departure from it looks like."""
+"""Parameter of the measurement model: its nominal value, its tolerance, and the prior of a departure."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ COULOMB = "loads.shaft_friction.coulomb_Nm"
 VISCOUS = "loads.shaft_friction.viscous_Nms"
 ROTOR = "bodies.main_shaft.inertia_kgm2"
 HELD = "standstill.held_Nm"
-"""Torque that holds the standing shaft and is gone while it turns, as a brake's; no number of the file."""
+"""Torque that holds the shaft at standstill only, as a brake's; not a number of the file."""
 SENSORS = (ZERO, DELAY, DRIFT, GAIN, OFFSET)
-"""Values of these are departures from the configured sensor; of the gain see `gain_factor`."""
+"""Parameters whose values are departures from the configured sensor; for the gain see `gain_factor`."""
 BESIDE = (COULOMB, VISCOUS, ROTOR)
-"""Every machine has these, whether its file declares them or not."""
+"""Parameters of every machine, declared in its file or not."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class ModelParameter:
         tolerance: standard deviation of an everyday error of the nominal value.
         departure: standard deviation of a mistake; `widest`: that of the largest mistakes that occur.
         probability: of a mistake in this number.
-        threshold: size of a departure from which a person cares.
+        threshold: smallest departure that is reported.
         unit: of value, tolerance and departure.
         low: least possible value.
     """
@@ -61,8 +61,8 @@ class ModelParameter:
 def gain_factor(value: float) -> float:
     """Factor on the torque sensor's gain for a value of the parameter `GAIN`, 1 / (1 - value).
 
-    With the inverse of the gain as parameter, a gain and torques that make up for it lie on a straight line, along
-    which a fit steps freely.
+    With the inverse of the gain as parameter, a gain and the torques that compensate it lie on a straight line, which
+    suits the steps of a fit.
     """
     return 1.0 / (1.0 - value)
 

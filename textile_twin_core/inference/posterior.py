@@ -1,4 +1,4 @@
-"""The posterior of a record: discrete settings, values with standard deviations, and what departs from the file."""
+"""Posterior of a record: discrete settings, values with standard deviations, and departures from the file."""
 
 from __future__ import annotations
 
@@ -32,22 +32,22 @@ from textile_twin_core.machine import Machine
 _ROUNDS = 5
 """Rounds of refits in which the set of departures may change."""
 IMPLAUSIBLE_NATS = 30.0
-"""Prior cost of the departures from which another machine is likelier."""
+"""Prior cost of the departures above which another machine is likelier."""
 _HYPOTHESES, _AS_GOOD = 3, 0.01
-"""Discrete hypotheses that are searched at most while all are implausible; by how much less one may explain."""
+"""Most discrete hypotheses searched while all are implausible; share by which one may explain less than the best."""
 _BESIDE_ZERO = (GAIN, DRIFT, COULOMB, OFFSET)
-"""Departures that stay while zero and delay change places."""
+"""Departures that stay when zero and delay are exchanged."""
 
 
 @dataclass(frozen=True)
 class Posterior:
-    """What a record says of a machine and its sensors.
+    """Posterior of a machine and its sensors, given a record.
 
     Attributes:
         measurement: record, model and parameters.
         configured: discrete settings and sensor of the machine file.
-        fit: values and their covariance, with departures free by their wide priors and all else by its tolerance.
-        choice: which parameters depart, and the sets of departures that explain the record as well.
+        fit: values and their covariance, under wide priors for departures and tolerances for all others.
+        choice: the parameters that depart, and sets of departures that explain the record equally well.
         log_evidence: of the choice at its own fit.
         others: other discrete hypotheses, likeliest first.
     """
@@ -70,11 +70,11 @@ class Posterior:
         return self.fit.hypothesis
 
     def parameter(self, name: str) -> ModelParameter:
-        """A parameter by name."""
+        """Return a parameter by name."""
         return self.measurement.parameters[self.measurement.place[name]]
 
     def value(self, name: str) -> float:
-        """Value of a parameter; of a sensor its departure (of the gain see `gain_factor`)."""
+        """Value of a parameter; for a sensor its departure (for the gain see `gain_factor`)."""
         return float(self.fit.x[self.measurement.place[name]])
 
     def departure(self, name: str) -> float:
@@ -92,7 +92,7 @@ class Posterior:
         return self.fit.covariance[np.ix_(k, k)]
 
     def equivalents(self, name: str) -> tuple[str, ...]:
-        """Parameters whose departure instead of this one explains the record as well, likeliest first."""
+        """Parameters whose departure, in place of this one, explains the record equally well, likeliest first."""
         rest = self.departing - {name}
         swapped = [s - rest for _, s in self.choice.rivals if rest <= s and name not in s and len(s) == len(rest) + 1]
         return tuple(dict.fromkeys(next(iter(each)) for each in swapped))
@@ -107,7 +107,7 @@ class Posterior:
 
     @property
     def surprise(self) -> float:
-        """Prior cost of the departures in nats: large where no few mistakes make this machine give this torque."""
+        """Prior cost of the departures in nats: large if this machine explains the torque only by many mistakes."""
         cost = 0.0
         for name in sorted(self.departing):
             p = self.parameter(name)
@@ -118,12 +118,12 @@ class Posterior:
 def infer(
     record: Record, machine: Machine, configured: Hypothesis, ratios: tuple[float, ...] = RATIOS
 ) -> Posterior | None:
-    """Infer sensors, machine and what departs from the file, from one record.
+    """Infer sensors, machine and departures from the file from one record.
 
     Args:
         record: torque samples of the turning shaft and its motion.
         machine: the machine of the file.
-        configured: what the file says of the sensors.
+        configured: sensor settings of the file.
         ratios: gear ratios to try, beside the configured one.
 
     Returns the posterior, or None when no hypothesis gives a fit.
@@ -138,7 +138,7 @@ def infer(
         found = _Search(measurement, configured, others).run()
         if found.hypothesis.unit != 1.0:
             found = _likelier_without_unit(found, others)
-        # values that no few mistakes explain may come from the wrong discrete settings
+        # implausible values may come from wrong discrete settings
         if found.surprise <= IMPLAUSIBLE_NATS and (first is None or found.explained > first.explained - _AS_GOOD):
             return found
         first = first or found
@@ -146,9 +146,9 @@ def infer(
 
 
 def _likelier_without_unit(found: Posterior, fits: list[Fit]) -> Posterior:
-    """The posterior in the configured unit instead of another one, where that is likelier.
+    """Return the posterior in the configured unit instead of another one, if that is likelier.
 
-    A factor near that of a unit may be a wrong number of the file, which the fits of the hypotheses do not have.
+    A factor near that of a unit may be due to a wrong number of the file, which the fits of the hypotheses lack.
     """
     m, h = found.measurement, found.hypothesis
     gain = math.copysign(found.configured.gain, h.gain)
@@ -164,7 +164,7 @@ def _likelier_without_unit(found: Posterior, fits: list[Fit]) -> Posterior:
 
 
 def _distinct(fits: list[Fit]) -> list[Fit]:
-    """The likeliest fit of each direction, ratio and gain."""
+    """Likeliest fit of each direction, ratio and gain."""
     first: dict[tuple[float, float], Fit] = {}
     for fit in fits:
         first.setdefault((fit.hypothesis.turn, fit.hypothesis.gain), fit)
@@ -185,9 +185,9 @@ def _measurement(record: Record, machine: Machine, configured: Hypothesis) -> Me
 
 
 class _Search:
-    """The search for departures under the likeliest discrete hypothesis; every winner is fitted again.
+    """Search for departures under the likeliest discrete hypothesis; every winner is fitted again.
 
-    `like`: another fit, whose scale and inflation are taken, so that the evidence of both can be compared.
+    `like`: another fit whose scale and inflation are used, so that the evidence of both can be compared.
     """
 
     def __init__(
@@ -201,7 +201,7 @@ class _Search:
         )
 
     def run(self) -> Posterior:
-        """The posterior."""
+        """Return the posterior."""
         m, full = self.measurement, self.full
         first = choose(m, full, full.inflation).departing
         best = self._refit(full.x, first)
@@ -239,7 +239,7 @@ class _Search:
         return value, fit, departing
 
     def _ends(self, first: Departures) -> list[tuple[Departures, FloatArray]]:
-        """Both ends of the valley in which zero and delay lie at one speed."""
+        """Return both ends of the valley of zero and delay at one speed."""
         m = self.measurement
         zero, delay = float(self.top.x[m.place[ZERO]]), float(self.top.x[m.place[DELAY]])
         ends = (DELAY, delay + zero / self.speed), (ZERO, math.remainder(zero + delay * self.speed, TURN))
@@ -251,7 +251,7 @@ class _Search:
         return out
 
     def _without(self, fit: Fit, departing: Departures, name: str) -> list[tuple[Departures, FloatArray]]:
-        """The set without a departure, and with zero and delay exchanged."""
+        """Return the set without a departure, and with zero and delay exchanged."""
         m = self.measurement
         k = m.place[name]
         x = fit.x.copy()

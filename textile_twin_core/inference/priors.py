@@ -1,4 +1,4 @@
-"""How well each number of a machine file is known beforehand, by its kind."""
+"""Priors of the numbers of a machine file, by kind."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from textile_twin_core.mechanism import MAIN_SHAFT
 class Prior:
     """Tolerance, departure and its probability, and the threshold of a kind, as multiples of the kind's scale.
 
-    widest: largest standard deviation of a departure, where mistakes several times the usual one occur; 0: `departure`.
+    widest: largest standard deviation of a departure, if mistakes several times the usual size occur; 0: `departure`.
     """
 
     tolerance: float
@@ -41,7 +41,7 @@ class Prior:
 
 
 PRIORS: Mapping[str, Prior] = {
-    # Sensors. An encoder is set to a tenth of a degree or left as it was mounted.
+    # Sensors. An encoder is set to a tenth of a degree, or stays as it was mounted.
     "zero": Prior(1e-3, 1.8, 0.05, math.radians(0.3)),
     # Stamps of one clock agree to tens of microseconds; filters and buses delay by milliseconds.
     "delay": Prior(5e-5, 8e-3, 0.05, 3e-4, 0.03),
@@ -49,7 +49,7 @@ PRIORS: Mapping[str, Prior] = {
     "drift": Prior(2e-6, 5e-4, 0.01, 2e-5),
     # Torque sensors are calibrated to a few per mille; a wrong range or bridge factor changes tens of per cent.
     "gain": Prior(3e-3, 0.3, 0.03, 0.02),
-    # Of the working torque: zero drift of a strain gauge, and a bridge that nobody balanced.
+    # Of the working torque: zero drift of a strain gauge, and a bridge that was not balanced.
     "offset": Prior(2e-3, 0.15, 0.03, 0.015),
     # Of the working torque: bearings of a machine that runs warm, and friction that the file leaves out; a light rotor
     # may have several times the torque that its file gives.
@@ -105,9 +105,9 @@ _OF_ATTRIBUTE = {
 }
 _RELATIVE = ("mass", "inertia", "length", "spring", "joint_friction", "force")
 _NO_SIZE = 1e-50
-"""A number that is smaller has no relative tolerance, and no effect."""
+"""Size below which a number has no relative tolerance, and no effect."""
 _SHORTEST = 0.8
-"""Share of its nominal value that a length may have at least: a linkage of shorter ones is another machine."""
+"""Least length over its nominal value: a linkage of shorter lengths is another machine."""
 _NOT_NEGATIVE = ("mass", "inertia", "spring", "joint_friction", "force", "free_force")
 _UNITS = {"mass": "kg", "inertia": "kg m2", "ground": "m", "plane": "m", "angle": "rad", "centroid": "lengths"}
 _BY_SUFFIX = {"_N_m": "N/m", "_Nm_rad": "N m/rad", "_Nms": "N m s", "_Ns_m": "N s/m", "_Nm": "N m", "_N": "N"}
@@ -129,7 +129,7 @@ def parameter_path(slot: Slot) -> str:
 
 
 def parameters(machine: Machine, point: WorkingPoint) -> tuple[tuple[ModelParameter, ...], dict[str, Slot]]:
-    """Every number on which a machine's torque depends, and the slots of those that stand in its declaration.
+    """List the numbers on which a machine's torque depends, and the slots of those in its declaration.
 
     Args:
         machine: the machine.
@@ -169,7 +169,7 @@ def parameters(machine: Machine, point: WorkingPoint) -> tuple[tuple[ModelParame
 
 
 def _checked(machine: Machine, known: list[ModelParameter]) -> list[ModelParameter]:
-    """The parameters, where the machine states tolerances of these alone. Raises MachineError."""
+    """Return the parameters; raise MachineError if the machine states a tolerance of any other number."""
     names = {parameter.name: parameter for parameter in known}
     for path in machine.tolerances:
         if path not in names or names[path].nominal == 0.0:
@@ -182,7 +182,7 @@ def _checked(machine: Machine, known: list[ModelParameter]) -> list[ModelParamet
 
 
 def _with_tolerance(machine: Machine, known: ModelParameter) -> ModelParameter:
-    """A parameter with the tolerance that the machine states for it, if it does."""
+    """Return a parameter with the tolerance that the machine states for it, if any."""
     relative = machine.tolerances.get(known.name)
     return known if relative is None else replace(known, tolerance=relative * abs(known.nominal))
 
@@ -204,7 +204,7 @@ def _of(kind: str, name: str, nominal: float, scale: float, unit: str, low: floa
 
 
 def _kind(machine: Machine, slot: Slot) -> str:
-    """Key of the table of priors; empty for a number on which no torque depends, or which is a parameter already."""
+    """Key of the table of priors; empty for a number without effect on the torque, or which is a parameter already."""
     part = machine.loads[int(slot.entry)] if slot.field == "loads" else None
     if (
         isinstance(part, ShaftFriction)

@@ -1,4 +1,4 @@
-"""Huber's loss: what counts of residuals among which there are outliers."""
+"""Huber's loss, for residuals with outliers."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 
 HUBER = 1.345
-"""Residuals beyond so many standard deviations count linearly (Huber 1964)."""
+"""Bound in standard deviations beyond which residuals count linearly (Huber 1964)."""
 
 
 def robust_scale(residual: FloatArray) -> float:
@@ -22,6 +22,6 @@ def huber_weights(residual: FloatArray, scale: float) -> FloatArray:
 
 
 def huber_loss(residual: FloatArray, scale: float) -> FloatArray:
-    """Huber's loss of each residual over the scale, twice: the square of small ones."""
+    """Twice Huber's loss of each residual over the scale, so that small residuals count by their square."""
     size = np.abs(residual) / scale
     return np.where(size <= HUBER, size**2, 2.0 * HUBER * size - HUBER**2)

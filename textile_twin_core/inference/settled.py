@@ -1,4 +1,4 @@
-"""Sensors and friction settled: values given the tolerances of the machine file, and given the file exactly."""
+"""Estimates of sensors and friction, given the tolerances of the machine file, and given the file exactly."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Settled:
 
     Attributes:
         posterior: of the record.
-        free: parameters that are settled.
+        free: parameters that are estimated.
         tolerant: fit with all other numbers within their tolerances.
         exact: fit with all other numbers as in the file.
     """
@@ -54,7 +54,7 @@ class Settled:
         return float(self.exact.x[place[name]]), math.sqrt(max(float(w @ inverse @ w), 0.0))
 
     def interval95(self, name: str) -> tuple[float, float]:
-        """Interval that holds the truth in 95 of 100 records whose files are off within their tolerances."""
+        """95 % interval, over records whose files are off within their tolerances."""
         half = _NORMAL95 * self.sigma(name)
         return self.value(name) - half, self.value(name) + half
 
@@ -65,7 +65,7 @@ class Settled:
 
 
 def settle(posterior: Posterior, free: Collection[str]) -> Settled:
-    """Settle some parameters of a record.
+    """Estimate some parameters of a record.
 
     Args:
         posterior: of the record.
@@ -82,11 +82,11 @@ def settle(posterior: Posterior, free: Collection[str]) -> Settled:
 
 
 def settled_sensors(posterior: Posterior, both_ways: bool = False) -> frozenset[str]:
-    """Sensors and friction that a record tells, and all departures: what `calibrate` settles.
+    """Names of the parameters that `calibrate` estimates: identifiable sensors and friction, and all departures.
 
     Args:
         posterior: of the record.
-        both_ways: the shaft turns either way, so that an offset is not friction.
+        both_ways: the shaft turns in both directions, so that an offset differs from friction.
     """
     m = posterior.measurement
     free = {*posterior.departing, GAIN, COULOMB}

@@ -27,42 +27,46 @@ TURN = 2.0 * math.pi
 RATIOS = (1.0, 0.5, 2.0, 1.0 / 3.0, 3.0, 0.25, 4.0)
 """Gear ratios that are tried beside the configured one."""
 LOG_ODDS = {"direction": -3.0, "ratio": -4.6, "sign": -3.0, "unit": -3.5, "zero": -3.0}
-"""Of discrete mistakes; `zero`: one of more than a few degrees, which every hypothesis may need."""
+"""Log odds of discrete mistakes; `zero`: one of more than a few degrees, which every hypothesis may need."""
 _ZEROS, _APART_RAD, _KEPT = 72, 0.2, 3
-"""Zeros that are scanned, and how far the few that are kept lie apart."""
+"""Number of zeros scanned, least distance of those chosen, and their number."""
 _DELAYS, _LONGEST_S = 49, 0.06
 _SCAN, _COARSE, _FITTED = 1200, 1500, 3000
 """Samples of the scans over zeros and delays, and of the fits that rank the hypotheses."""
 _NEAR_SPEED = 0.15
 _PENALTY = 0.3
-"""Share by which the mean square of a start counts larger for each mistake that it needs."""
+"""Share added to the mean square of a start for each mistake that it needs."""
 _EXPLAINED = 0.2
-"""Share of the torque's variance that a start leaves where no other gear ratio needs to be tried."""
+"""Unexplained share of the torque's variance below which no other gear ratio is tried."""
 _HOPEFUL, _SCANNED, _RANKED = 25.0, 8, 5
 _WIDE_RAD = 0.1
 _BESIDE_ZERO = 0.8
-"""Share of the residual below which a delay beside the zero counts: of few turns, their changes of speed tell it."""
+"""Share of the residual below which a delay beside the zero counts: in few turns the changes of speed show it."""
 GAINS = 0.2, 20.0
 """Gains of the torque sensor, beside its unit, from which a fit may start."""
 _Scaled = tuple[float, float]
 """Gain of the torque sensor, and added inertia [kg m2]."""
 _TELLING = 10.0
-"""Least inflation by which hypotheses are ranked: their residuals follow the angle."""
+"""Least inflation in the ranking of hypotheses, since their residuals follow the angle."""
 
 
 def hypotheses(measurement: Measurement, configured: Hypothesis, ratios: tuple[float, ...] = RATIOS) -> list[Fit]:
-    """The likeliest discrete hypotheses, fitted in sensors, friction, inertia and forces, likeliest first."""
+    """Fit sensors, friction, inertia and forces under the likeliest discrete hypotheses, likeliest first."""
     free = {p.name for p in measurement.parameters if p.name in (*SENSORS, *BESIDE, HELD) or p.kind == "force"}
     if measurement.record.one_speed and measurement.model.depends_on_angle():
         free -= {DELAY}  # which is a zero there
     coarse = measurement
-    if not measurement.record.block_s:  # in means the errors of the acceleration vanish, which thinned samples have
+    if (
+        not measurement.record.block_s
+    ):  # block averages are free of the errors of the acceleration; thinned samples are not
         coarse = measurement.on(measurement.record.thinned(_FITTED))
     found: list[Fit] = []
     for (factor, inertia), zero, delay, hypothesis in _starts(measurement, configured, ratios):
         low, high = GAINS
         near = nearest_gain(factor or 1e-3, configured.gain)
-        if not low <= abs(factor / near.gain) <= high:  # no gain: some unit, though the scan's factor is rough
+        if (
+            not low <= abs(factor / near.gain) <= high
+        ):  # no plausible gain: another unit, although the scan's factor is rough
             near = nearest_gain(factor or 1e-3, configured.gain, near=math.inf)
         hypothesis = replace(hypothesis, gain=near.gain, unit=near.factor)
         x = measurement.nominal.copy()
@@ -88,7 +92,7 @@ def hypotheses(measurement: Measurement, configured: Hypothesis, ratios: tuple[f
 
 
 def _in_nearest_unit(measurement: Measurement, fit: Fit, configured: Hypothesis) -> Fit:
-    """The fit with its gain as a departure from the nearest unit."""
+    """Return the fit with its gain as a departure from the nearest unit."""
     k = measurement.place[GAIN]
     near = nearest_gain(fit.hypothesis.gain * gain_factor(float(fit.x[k])), configured.gain)
     if near.gain == fit.hypothesis.gain or near.gain * fit.hypothesis.gain <= 0.0:
@@ -154,7 +158,7 @@ def _starts(
     best.sort(key=lambda each: each[0])
     out = []
     for _, gains, zero, delay, hypothesis in best[:_RANKED]:
-        # where force, inertia and gain are alike, they may make up for each other with the wrong sign
+        # force, inertia and gain with similar effects may compensate each other with the wrong sign
         differ = gains[0][0] * gains[1][0] < 0.0
         out += [(each, zero, delay, hypothesis) for each in (gains if differ else gains[:1])]
     return out

@@ -31,9 +31,9 @@ from textile_twin_core.mechanism.vector import Vector
 TURN = 2.0 * np.pi
 _NODES = 1024
 _STEP = 1e-3
-"""Of a departure's standard deviation, by which a number is changed for a slope."""
+"""Step of the numerical slopes, as a share of a departure's standard deviation."""
 _MOVED = 0.05
-"""Departures' standard deviations from which tables are evaluated at the new place."""
+"""Move in standard deviations of a departure above which the tables are evaluated again."""
 _SPREAD_RAD = 0.03
 """Shaft angle over which a step of the load is smeared, so that the model has slopes there."""
 _BESIDE = 1e-6
@@ -42,7 +42,7 @@ INERTIA, SQUARE, WEIGHT, DRY, DAMPING = range(5)
 
 @dataclass(frozen=True)
 class Torque:
-    """Torque (m,) [N m]; slopes (m,) by parameter; variance (m,) of samples whose side of a step is not certain."""
+    """Torque (m,) [N m]; slopes (m,) by parameter; variance (m,) of samples whose side of a step is uncertain."""
 
     torque_Nm: FloatArray
     slopes: dict[str, Any]
@@ -50,12 +50,12 @@ class Torque:
 
 
 class TabulatedTorque:
-    """Evaluates torque and slopes of one machine.
+    """Torque and slopes of one machine from tables over the angle.
 
     Args:
-        machine: the machine; its sensors play no part.
-        parameters: those whose slopes are asked for.
-        slots: of the parameters that stand in the machine's declaration.
+        machine: the machine; its sensors are not used.
+        parameters: the parameters of the slopes.
+        slots: of the parameters in the machine's declaration.
     """
 
     def __init__(self, machine: Machine, parameters: Sequence[ModelParameter], slots: Mapping[str, Slot]) -> None:
@@ -84,7 +84,7 @@ class TabulatedTorque:
 
     @property
     def in_file(self) -> tuple[ModelParameter, ...]:
-        """Parameters that stand in the machine's declaration."""
+        """Parameters in the machine's declaration."""
         return tuple(p for p in self.parameters if p.name in self._slots)
 
     def slot_name(self, name: str) -> str:
@@ -97,16 +97,16 @@ class TabulatedTorque:
         return float(np.mean(self._table[INERTIA]))
 
     def depends_on_angle(self) -> bool:
-        """Whether the torque depends on the shaft angle; that of a rotor without a linkage does not."""
+        """True if the torque depends on the shaft angle; without a linkage it does not."""
         w = self._speed
         torque = self._table[SQUARE] * w**2 + self._table[WEIGHT] + self._table[DRY] + self._table[DAMPING] * w
         return bool(np.ptp(torque) > 1e-12 * np.max(np.abs(self._table[INERTIA])) * w**2 or self._backings)
 
     def linearise(self, values: Mapping[str, float], departing: Collection[str] = ()) -> None:
-        """Evaluate the tables about the values of the departing parameters, and the nominal ones of all others.
+        """Evaluate the tables at the values of the departing parameters and the nominal values of all others.
 
-        Nothing is evaluated while no parameter has moved far since the last time. The slopes stay those at the nominal
-        values: mistakes of lengths are small beside them.
+        Skipped while no parameter has moved far since the last time. The slopes stay those at the nominal values, since
+        mistakes of lengths are small.
         """
         here = {p.name: values[p.name] if p.name in departing else p.nominal for p in self.tabulated}
         if self._here and not any(
@@ -150,7 +150,7 @@ class TabulatedTorque:
         Args:
             values: by parameter. state: of the shaft. table: of these values.
             slopes: evaluate slopes too; only_forces: those by forces in a backing alone.
-            way: sense of rotation where it is not omega's.
+            way: sense of rotation, if it differs from omega's.
             spread_rad: shaft angle over which a step of the load is smeared.
         """
         theta, omega, alpha = state
@@ -197,7 +197,7 @@ class TabulatedTorque:
         return Torque(torque, out, variance)
 
     def _chain(self, factors: Mapping[int, Any], place: Any, share: FloatArray) -> FloatArray:
-        """Slopes (m, k) by the tabulated parameters: the nodes' slopes, read and multiplied at the samples."""
+        """Slopes (m, k) by the tabulated parameters, interpolated from those at the nodes."""
         used = {c: f for c, f in factors.items() if np.any(self._slopes[:, c])}
         low, high = place
         columns = np.stack([n * _NODES + side for n in range(len(used)) for side in (low, high)], 1)
@@ -209,7 +209,7 @@ class TabulatedTorque:
         return np.asarray(reader @ np.concatenate([self._slopes[:, c].T for c in used], 0))
 
     def _place(self, theta: FloatArray) -> tuple[Any, FloatArray]:
-        """Nodes on either side of angles (m,), and the share of the way between them."""
+        """Nodes on either side of angles (m,), and the fraction between them."""
         if self.turns_fully:
             u = np.mod(theta, TURN) * (_NODES / TURN)
             low = u.astype(np.int64)
@@ -260,7 +260,7 @@ class TabulatedTorque:
         return rows
 
     def _motion(self, values: Mapping[str, float], changes: Mapping[str, Any]) -> Motion:
-        """The motion of the first linkage, solved once for the same points and groups."""
+        """Motion of the first linkage, solved once for equal points and groups."""
         machine = self.machine
         key = tuple(values[p.name] for p in self.tabulated if self._slots[p.name].field in ("points", "groups"))
         if key not in self._linkages:
@@ -272,7 +272,7 @@ class TabulatedTorque:
         return self._linkages[key][1]
 
     def _loads(self, pull: Expr, theta: FloatArray) -> list[tuple[int, Any]]:
-        """Weight-like, dry and damping parts of the loads, from their torque at two speeds either way."""
+        """Weight-like, dry and damping parts of the loads, from their torque at two speeds in each direction."""
         if pull.is_constant:
             return [(WEIGHT, pull.value)]
         w = self._speed

@@ -1,4 +1,4 @@
-"""Which unit a torque was logged in, from the factor between what was logged and what was meant."""
+"""Unit of a logged torque, from the factor between the logged and the expected torque."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ UNITS_PER_NM = {
     "lbf in": 8.850746,
     "ozf in": 141.6119,
 }
-"""What 1 N m counts in other units."""
+"""Size of 1 N m in other units."""
 
 _NEAR = 0.1
 _NEAR_ODD = {"lbf ft": 0.015, "kgf cm": 0.05, "lbf in": 0.05}
-"""How near the factor must come; nearer for units that a plain gain could be taken for."""
+"""Relative distance within which a factor matches these units, which a plain gain may resemble."""
 
 
 @dataclass(frozen=True)
 class NearestGain:
-    """The gain that sign and unit alone would give.
+    """Gain due to sign and unit alone.
 
     Attributes:
-        gain: as settings have it. sign: beside the configured one. unit: its name, empty for N m. factor: of the unit.
+        gain: as in the settings. sign: over the configured one. unit: its name, empty for N m. factor: of the unit.
     """
 
     gain: float
