@@ -31,7 +31,7 @@ _KEPT = 0.7
 _WIDENED = 3
 """Most refits with updated widths of the priors."""
 _BESIDE = 3.0
-"""Standard deviation of a sample beside a step of the load, in robust scales of the residual, that halves its weight."""
+"""Standard deviation of a sample beside a step of the load, in scales of the residual, that halves its weight."""
 _CLUSTERED = (ZERO, DELAY, GAIN, COULOMB, ROTOR)
 """Parameters whose scores per turn give the inflation of the residuals."""
 

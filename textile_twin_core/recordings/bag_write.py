@@ -215,7 +215,7 @@ class BagWriter(ArrayWriter):
         self._begin_file()
 
     def drop_oldest_file(self, before_ns: int | None = None) -> bool:
-        """Remove the oldest complete file; return false if there is none."""
+        """Remove the oldest complete file; return false without one."""
         return self._complete.drop_oldest(self._place, before_ns)
 
     def _end_file(self) -> None:

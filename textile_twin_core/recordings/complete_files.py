@@ -31,7 +31,7 @@ class CompleteFiles:
         return total(self.files)
 
     def drop_oldest(self, folder: Path, before_ns: int | None = None) -> bool:
-        """Remove the oldest file from its folder; return false if there is none."""
+        """Remove the oldest file from its folder; return false without files."""
         if not self.files:
             return False
         span_ns = self.files[0].span_ns

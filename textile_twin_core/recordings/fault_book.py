@@ -36,7 +36,7 @@ CREATE TABLE IF NOT EXISTS memories (source TEXT PRIMARY KEY, fingerprint TEXT N
 
 @dataclass(frozen=True)
 class Fault:
-    """One entry of the book. Times are nanoseconds since 1970 by this computer's clock, None where not yet reached.
+    """Entry of the book. Times are nanoseconds since 1970 by this computer's clock, None if not yet reached.
 
     Attributes:
         number: counts the faults of the book from 1.
@@ -45,7 +45,7 @@ class Fault:
         kind, side, text, size, sigmas, turn, stamp_ns: as in `Alarm`.
         raised_ns, acknowledged_ns, cleared_ns: the alarm's life.
         acknowledged_by: name and remark of the person.
-        recording: name of the fault's own recording beside the book; empty where nothing came, None until it is made.
+        recording: name of the fault's own recording beside the book; empty without messages, None until it is made.
     """
 
     number: int
@@ -66,7 +66,7 @@ class Fault:
 
     @property
     def is_over(self) -> bool:
-        """Whether the fault is both acknowledged and cleared."""
+        """True if the fault is both acknowledged and cleared."""
         return self.acknowledged_ns is not None and self.cleared_ns is not None
 
 
@@ -80,8 +80,8 @@ class FaultBook:
     power loss leaves the state before or after the change.
 
     Args:
-        folder: place of the book; made where `create` is set.
-        create: make a book where there is none.
+        folder: place of the book.
+        create: make folder and book if they are missing.
 
     Raises:
         RecordingError: there is no book, or the file is no database.
@@ -117,14 +117,14 @@ class FaultBook:
     def update(
         self, source: str, machine: str, raised: Iterable[Alarm], standing: Iterable[Alarm], now_ns: int | None = None
     ) -> None:
-        """Bring the book to the state of a monitor: enter new alarms, clear those that stand no more.
+        """Bring the book to the state of a monitor: enter new alarms, clear those that no longer stand.
 
-        A repeated call changes nothing, so that a monitor repeats what it could not write.
+        A repeated call changes nothing, so a monitor may repeat a failed update.
 
         Args:
             source: namespace of the monitor.
             machine: name or file of its machine.
-            raised: alarms since the last update that was written.
+            raised: alarms since the last successful update.
             standing: alarms that stand now.
             now_ns: time of the change; default: now.
 
@@ -149,12 +149,12 @@ class FaultBook:
             base.executemany("UPDATE faults SET cleared_ns = ? WHERE number = ?", gone)
 
     def acknowledge(self, numbers: Iterable[int] | None = None, by: str = "", source: str | None = None) -> list[int]:
-        """Acknowledge faults; the numbers of those that were not acknowledged before.
+        """Acknowledge faults; return the numbers of those that were not acknowledged before.
 
         Args:
-            numbers: which; None: all.
+            numbers: faults to acknowledge; None: all.
             by: name and remark of the person.
-            source: of this monitor alone.
+            source: limit to faults of this monitor.
 
         Raises:
             RecordingError: no fault has such a number.
@@ -175,7 +175,7 @@ class FaultBook:
         return fresh
 
     def set_recording(self, number: int, name: str) -> None:
-        """Enter the name of a fault's own recording; empty where nothing was recorded.
+        """Enter the name of a fault's own recording; empty if nothing was recorded.
 
         Raises:
             OutputError: the book cannot be written.
@@ -184,7 +184,7 @@ class FaultBook:
             base.execute("UPDATE faults SET recording = ? WHERE number = ?", (name, number))
 
     def faults(self, source: str | None = None) -> list[Fault]:
-        """All faults in order of their numbers; with `source`, those of one monitor."""
+        """Return all faults, or those of the monitor `source`, in order of their numbers."""
         where, values = ("", ()) if source is None else (" WHERE source = ?", (source,))
         with self._named():
             rows = self._base.execute(f"SELECT {_COLUMNS} FROM faults{where} ORDER BY number", values).fetchall()
@@ -197,11 +197,11 @@ class FaultBook:
         return int(others) * (1 << 32) + self._base.total_changes
 
     def remember(self, source: str, fingerprint: str, arrays: Mapping[str, npt.NDArray[np.generic]]) -> None:
-        """Keep what a monitor has learnt, in place of what it learnt before.
+        """Store the learnt state of a monitor, in place of an earlier one.
 
         Args:
             source: namespace of the monitor.
-            fingerprint: of the machine and the settings that it holds for.
+            fingerprint: of the machine and the settings to which it applies.
             arrays: by name.
 
         Raises:
@@ -213,7 +213,7 @@ class FaultBook:
             base.execute("INSERT OR REPLACE INTO memories VALUES (?, ?, ?)", (source, fingerprint, packed.getvalue()))
 
     def forget(self, source: str) -> None:
-        """Drop what a monitor has learnt.
+        """Drop the learnt state of a monitor.
 
         Raises:
             OutputError: the book cannot be written.
@@ -222,7 +222,7 @@ class FaultBook:
             base.execute("DELETE FROM memories WHERE source = ?", (source,))
 
     def recall(self, source: str, fingerprint: str) -> dict[str, npt.NDArray[np.generic]]:
-        """Return what a monitor has learnt of the same machine with the same settings; empty without."""
+        """Return the learnt state of a monitor for the same machine and settings; empty without one."""
         with self._named():
             row = self._base.execute(
                 "SELECT arrays FROM memories WHERE source = ? AND fingerprint = ?", (source, fingerprint)
@@ -241,7 +241,7 @@ class FaultBook:
 
     @contextmanager
     def _change(self) -> Iterator[sqlite3.Connection]:
-        """One transaction: done as a whole or not at all."""
+        """Run one transaction, as a whole or not at all."""
         with self._named():
             self._base.execute("BEGIN IMMEDIATE")
             try:

@@ -1,4 +1,4 @@
-"""Cells of a log as numbers: columns of any kind become float64, and what cannot is kept with the reason."""
+"""Conversion of the cells of a log to float64; columns that are not numbers are listed with the reason."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ _DATE_ALONE = r"^([0-9]{2}\.[0-9]{2}\.[0-9]{4}|[0-9]{4}[/-][0-9]{2}[/-][0-9]{2})
 class LogTable(dict[str, FloatArray]):
     """Columns by name, float64 (n,), NaN where a cell is empty or no number.
 
-    dated: columns that were dates, times of day or durations, now seconds. left_out: columns without numbers, and what
-    they hold. bad: by column the first cell that is no number and how many there are; they are NaN, and where they are
-    many the column is left out. times_of: by column the column of its times, where a log has several. signals: columns
-    of a log in long form, which have no number in the rows of others. text: how a text table is written.
-    day_first: whether the day stands first in its dates, None where they leave no doubt.
+    dated: columns that were dates, times of day or durations, now seconds. left_out: columns without numbers, and their
+    content. bad: by column the first cell that is no number, and the number of such cells; they are NaN, and with many
+    of them the column is left out. times_of: by column the column of its times, if a log has several. signals: columns
+    of a log in long form, which have no number in the rows of others. text: form of a text table. day_first: true if
+    the day stands first in its dates, None if the dates are unambiguous.
     """
 
     dated: set[str] = field(default_factory=set)
@@ -43,21 +43,21 @@ class LogTable(dict[str, FloatArray]):
     day_first: bool | None = None
 
     def rows(self, here: BoolArray) -> LogTable:
-        """The same columns with the rows that a mask (n,) takes."""
+        """Return the same columns with the rows of a mask (n,)."""
         return self.with_columns({name: values[here] for name, values in self.items() if values.size == here.size})
 
     def with_columns(self, columns: Mapping[str, FloatArray]) -> LogTable:
-        """Other columns, and what is known of those that were read."""
+        """Return a table of other columns, with the properties of those that were read."""
         taken = replace(self)
         taken.update(columns)
         return taken
 
 
 def numeric(columns: Mapping[str, Any], decimal: str = ".", day_first: bool | None = None) -> LogTable:
-    """Arrow columns as numbers. Dates become seconds since 1970, times of day seconds that go on at midnight.
+    """Convert Arrow columns to numbers. Dates become seconds since 1970, times of day seconds continued past midnight.
 
-    A column of dates beside one of times of day is added to it. decimal: sign of numbers that are text.
-    day_first: of dates such as 03/04/2026; None where the cells show it.
+    A column of dates beside one of times of day is added to it. decimal: sign of numbers in text.
+    day_first: for dates such as 03/04/2026; None if the cells show it.
     """
     from pyarrow import types
 
@@ -85,7 +85,7 @@ def numeric(columns: Mapping[str, Any], decimal: str = ".", day_first: bool | No
 
 
 def _join(out: LogTable, days: Mapping[str, FloatArray], clocks: Mapping[str, FloatArray]) -> None:
-    """Dates and times of day in columns of their own: together where there is one of each."""
+    """Add columns of dates and of times of day to the output, as their sum if there is one of each."""
     together = len(days) == len(clocks) == 1
     for name, seconds in clocks.items():
         out[name] = seconds + next(iter(days.values())) if together else _past_midnight(seconds)
@@ -95,7 +95,7 @@ def _join(out: LogTable, days: Mapping[str, FloatArray], clocks: Mapping[str, Fl
 
 
 def _past_midnight(seconds: FloatArray) -> FloatArray:
-    """Times of day that go on where they fall back by more than half a day."""
+    """Continue times of day past midnight, where they fall by more than half a day."""
     known = np.flatnonzero(np.isfinite(seconds))
     past = np.cumsum(np.diff(seconds[known], prepend=seconds[known][:1]) < -0.5 * _DAY_S)
     on = seconds.copy()
@@ -112,7 +112,7 @@ def _text(
     clocks: dict[str, FloatArray],
     day_first: bool | None,
 ) -> None:
-    """A column of text as dates, times of day or numbers, whichever all its cells are (numbers: most, beside words)."""
+    """Convert a column of text to dates, times of day or numbers, if all cells are (numbers: most, beside words)."""
     import pyarrow
     from pyarrow import compute
 
@@ -160,7 +160,7 @@ def _text(
 
 
 def text_held(cell: str, place: str = "") -> str:
-    """What a column of text holds, by its first cell that is no number, and where that is."""
+    """Describe the content of a column of text by its first cell that is no number, and its place."""
     doubt = f": {DOUBT}" if may_have_thousands(cell) else ""
     return f"text ({place + ': ' if place else ''}'{cell[:30]}'{doubt})"
 
@@ -172,7 +172,7 @@ def _matches(cells: Any, pattern: str) -> int:
 
 
 def _clock(cells: Any) -> FloatArray:
-    """Seconds of the day of HH:MM:SS.sss."""
+    """Convert HH:MM:SS.sss to seconds of the day."""
     from pyarrow import compute
 
     parts = compute.extract_regex(cells, _CLOCK)

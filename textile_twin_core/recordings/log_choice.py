@@ -1,4 +1,4 @@
-"""Which column of a log is the angle, the torque, a time: as named by the user, by its name, or as a person answers."""
+"""Choice of the columns of a log for angle, torque and time: by the user, by their names, or by a question."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from textile_twin_core.recordings.log_time import DATED, counts_rows, same_clock
 from textile_twin_core.recordings.log_units import TIME_UNITS, spelled, unit_factor, unit_in_name
 
 Ask = Callable[[str, list[str]], str]
-"""Asks a person which of several columns is meant: (kind, names) -> name."""
+"""Question to a person for one of several columns: (kind, names) -> name."""
 
 
 def refuse_unknown(name: str, table: LogTable) -> None:
-    """Raises RecordingError for a column that is not there, or holds no numbers."""
+    """Raise RecordingError for a column that is missing or has no numbers."""
     if name in table.left_out:
         raise RecordingError(
             f"column '{name}' holds {table.left_out[name]}, no numbers of use; there are: {describe(table)}"
@@ -39,9 +39,9 @@ def refuse_unknown(name: str, table: LogTable) -> None:
 def choose_channel(
     kind: str, table: LogTable, mapping: LogMapping, ask: Ask | None, needed: bool = False
 ) -> Channel | None:
-    """The channel of a kind (angle, torque) with its column and unit; None where the log has none.
+    """Choose the channel of a kind (angle, torque) with its column and unit; None if the log has no such column.
 
-    Raises RecordingError where several columns may be meant, or none of an angle is there.
+    Raises RecordingError if several columns may be meant, or an angle is missing.
     """
     wished: Channel = getattr(mapping, kind)
     unit, name = spelled(wished.unit), wished.column
@@ -68,7 +68,7 @@ def choose_channel(
 
 
 def choose_clock(table: LogTable, mapping: LogMapping, angle: Channel, ask: Ask | None, notes: dict[str, str]) -> Clock:
-    """The clock of the angle, without its unit where none is named. Raises RecordingError where it cannot be told."""
+    """Choose the clock of the angle, with its unit if one is named. Raises RecordingError if it is ambiguous."""
     wished = replace(
         mapping.clock, unit=spelled(mapping.clock.unit), fraction_unit=spelled(mapping.clock.fraction_unit)
     )
@@ -81,7 +81,7 @@ def choose_clock(table: LogTable, mapping: LogMapping, angle: Channel, ask: Ask 
             and (by_reader or name_stem(front) == name_stem(wished.column))
             and not same_rows(table, front, wished.column)
         ):
-            # Columns of the same name: the place says whose times they are.
+            # Columns of the same name: their place shows to which channel they belong.
             wished = replace(wished, column=front)
         return _completed(table, mapping, wished)
     if angle.column in table.times_of:
@@ -109,9 +109,9 @@ def choose_clock(table: LogTable, mapping: LogMapping, angle: Channel, ask: Ask 
 def own_clock(
     table: LogTable, mapping: LogMapping, clock: Clock, angle: Channel, channel: Channel, option: str
 ) -> Clock:
-    """The clock of a channel beside the angle's: the same, or the column of times that stands between the two.
+    """Choose the clock of a channel: the angle's, or the column of times that stands between the two.
 
-    Raises RecordingError where that column counts from another moment: it may be another clock of the same rows.
+    Raises RecordingError if that column counts from another moment: it may be another clock of the same rows.
     """
     if channel.clock is not None:
         refuse_unknown(channel.clock.column, table)
@@ -135,7 +135,7 @@ def own_clock(
 
 
 def has_same_times(table: LogTable, clock: Clock, angle: str, name: str) -> bool:
-    """Whether a column has a value for each of the angle's and no times of its own."""
+    """Return true if a column has a value for each value of the angle and no times of its own."""
     if table[name].size != table[angle].size:
         return False
     own, front = clock_in_front(table, name), clock_in_front(table, angle)
@@ -147,7 +147,7 @@ def _unit(table: LogTable, name: str) -> str:
 
 
 def _completed(table: LogTable, mapping: LogMapping, clock: Clock) -> Clock:
-    """A clock with the parts of its seconds, where they stand in another column, or as the sum of steps."""
+    """Complete a clock: add the parts of its seconds from another column, or sum its steps."""
     unit = clock.unit or _unit(table, clock.column)
     if clock.fraction == NO_COLUMN:
         return replace(clock, fraction="")
@@ -161,7 +161,7 @@ def _completed(table: LogTable, mapping: LogMapping, clock: Clock) -> Clock:
 
 
 def _finer(table: LogTable, found: list[str], notes: dict[str, str]) -> list[str]:
-    """Of one column of dates beside one of times with a unit, which go on alike, that with more moments."""
+    """Choose, between a column of dates and an equivalent column of times with a unit, the one with more moments."""
     dated = [name for name in found if name in table.dated]
     timers = [name for name in found if name not in table.dated and unit_factor(unit_in_name(name), TIME_UNITS)]
     if len(found) != 2 or len(dated) != 1 or len(timers) != 1:
@@ -178,7 +178,7 @@ def _finer(table: LogTable, found: list[str], notes: dict[str, str]) -> list[str
 
 
 def _rising(table: LogTable, others: set[str]) -> str:
-    """The one column of dates, or that rises evenly and is nothing else, where no name speaks of time."""
+    """Find the only column of dates, or the only other one that rises evenly, if no name is one of a time."""
     others = others | {name for kind in ("angle", "torque", "speed") for name in choose(kind, table)}
     dated = [name for name in table if name in table.dated]
     if len(dated) == 1:

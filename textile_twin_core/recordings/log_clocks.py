@@ -27,13 +27,13 @@ _STEPS = re.compile(
     r"(^|[^a-z])(dt|d_t|delta|interval|elapsed since last)([^a-z]|$)|diff|schritt|[Δ∆]|step", re.IGNORECASE
 )
 _FULL = 0.5
-"""Parts of a second reach beyond this share of one."""
+"""Share of a second that the largest of its parts must exceed."""
 _OVERLAP = 0.5
-"""Share of the shorter span of two columns of times that lies within the other where they are of one clock."""
+"""Least overlap of two columns of times of one clock, as a share of the shorter span."""
 
 
 def part_unit(name: str, values: FloatArray) -> str:
-    """The unit of a column of parts of a second, by its name, else by its largest value; '' where it holds none."""
+    """Unit of a column of parts of a second, by its name, else by its largest value; '' for other columns."""
     finite = values[np.isfinite(values)]
     if not finite.size or finite.min() < 0.0 or np.any(finite != np.rint(finite)):
         return ""
@@ -45,13 +45,13 @@ def part_unit(name: str, values: FloatArray) -> str:
 
 
 def find_fraction(table: LogTable, name: str, unit: str, others: Sequence[str] = ()) -> tuple[str, str]:
-    """The column of parts of a second beside one of whole seconds, and its unit; two empty texts without one.
+    """Find the column of parts of a second beside one of whole seconds, and its unit; two empty texts without one.
 
-    The whole seconds stand for several rows; the parts fall back only where the seconds rise, and together they rise.
+    The whole seconds repeat over several rows; the parts fall only where the seconds rise, and their sum rises.
 
     Args:
-        table: the log. name: of the column of seconds. unit: of its values, '' where nothing says it.
-        others: columns that are something else.
+        table: the log. name: of the column of seconds. unit: of its values, '' if unknown.
+        others: columns with another meaning.
     """
     seconds = table[name]
     finite = seconds[np.isfinite(seconds)]
@@ -75,7 +75,7 @@ def _is_epoch(finite: FloatArray) -> bool:
 
 
 def _stem(name: str) -> str:
-    """A column's name without what says seconds or parts of them."""
+    """Name of a column without its words for seconds or parts of them."""
     return re.sub(r"(nano|micro|milli)?_?(secs?|seconds?)|[num]?_?secs?|[\W_]+", "", name.lower())
 
 
@@ -86,14 +86,14 @@ def _completes(seconds: FloatArray, parts: FloatArray, name: str) -> bool:
     named = any(re.search(words, name.lower()) for words in _PART_WORDS.values())
     if whole.size < 2 or not (falls.any() or named):
         return False
-    # A few rows out of order do no harm; in a column of something else falls and rises do not fit at all.
+    # A few rows may be out of order; in an unrelated column falls and rises do not match at all.
     return bool(np.mean(whole[falls] > 0.0) > 0.9 if falls.any() else True) and bool(
         np.mean(rest[whole == 0.0] >= 0.0) > 0.9
     )
 
 
 def clock_in_front(table: LogTable, column: str) -> str:
-    """The column of times that stands last in front of a column and rises; '' without one."""
+    """Last rising column of times in front of a column; '' without one."""
     if column in table.times_of:
         return table.times_of[column]
     names = list(table)
@@ -105,24 +105,24 @@ def clock_in_front(table: LogTable, column: str) -> str:
 
 
 def rises(values: FloatArray) -> bool:
-    """Whether values rise in most steps and fall in few."""
+    """Return true if values rise in most steps and fall in few."""
     steps = np.diff(values[np.isfinite(values)])
     return steps.size > 1 and bool(np.mean(steps > 0.0) > 0.5 and np.mean(steps < 0.0) < 0.1)
 
 
 def name_stem(name: str) -> str:
-    """A column's name without a number at its end and without its unit: that of columns of the same kind."""
+    """Name of a column without its unit and the number at its end, common to columns of the same kind."""
     bare = re.sub(r"[\[(].*?[\])]", "", name)
     return re.sub(r"[\W_]*\d*$", "", bare.strip()).lower()
 
 
 def same_rows(table: LogTable, one: str, other: str) -> bool:
-    """Whether two columns of times are the same throughout."""
+    """Return true if two columns of times are equal throughout."""
     return one == other or np.array_equal(table[one], table[other], equal_nan=True)
 
 
 def one_clock(first: FloatArray, second: FloatArray) -> bool:
-    """Whether two columns of times count from the same moment: their spans overlap by half."""
+    """Return true if two columns of times count from the same moment: their spans overlap by half."""
     spans = [(float(np.nanmin(each)), float(np.nanmax(each))) for each in (first, second)]
     shorter = min(end - begin for begin, end in spans)
     both = min(end for _, end in spans) - max(begin for begin, _ in spans)
@@ -130,15 +130,15 @@ def one_clock(first: FloatArray, second: FloatArray) -> bool:
 
 
 def holds_steps(name: str, values: FloatArray) -> bool:
-    """Whether a column is called a difference of times and does not rise."""
+    """Return true if a column is named as a difference of times and does not rise."""
     finite = values[np.isfinite(values)]
     return bool(_STEPS.search(name)) and finite.size > 2 and bool(finite.min() >= 0.0) and not rises(finite)
 
 
 def clock_seconds(table: LogTable, clock: Clock, raw: bool = False) -> tuple[FloatArray, Clock, str]:
-    """Seconds (n,) of a clock, the clock with its units, and how they were taken, in words.
+    """Return seconds (n,) of a clock, the clock with its units, and their source in words.
 
-    Raises RecordingError for a unit that is unknown or cannot be seen, and for times no clock has.
+    Raises RecordingError for a unit that is unknown or ambiguous, and for impossible times.
     """
     values, unit = table[clock.column], clock.unit or default_unit(table, clock.column)
     if unit == DATED and clock.column not in table.dated:
@@ -158,5 +158,5 @@ def clock_seconds(table: LogTable, clock: Clock, raw: bool = False) -> tuple[Flo
 
 
 def default_unit(table: LogTable, name: str) -> str:
-    """The unit that a column of times shows by its name, or `DATED`."""
+    """Unit in the name of a column of times, or `DATED`."""
     return DATED if name in table.dated else unit_in_name(name)

@@ -1,4 +1,4 @@
-"""Which column of a log is what, and in which unit: told by the user, by its name, or by its values."""
+"""Quantities and units of the columns of a log: given by the user, by their names, or by their values."""
 
 from __future__ import annotations
 
@@ -35,17 +35,17 @@ _WORDS = {
     r"|\b(n|giri|hiz|hizi|devir)\b|速",
 }
 _TURKISH = str.maketrans("İÝıý", "IIii")
-"""Its letters without their dots, and what becomes of them where cp1254 is read as cp1252."""
+"""Turkish letters without their dots, and the letters shown when cp1254 is read as cp1252."""
 _LETTER_OF_TYPE = r"\b[a-z]{1,2}(?=[A-Z][a-z])"
-"""That stands before a variable's name in a controller: fAngle, lrActPos."""
+"""Letters of type before a variable's name in a controller: fAngle, lrActPos."""
 
 
 def choose(kind: str, names: Iterable[str], unit_told: bool = False) -> list[str]:
-    """Columns whose names speak of a kind: time, angle, torque or speed; where none does, angle and torque by unit.
+    """Choose columns by names of a kind: time, angle, torque or speed; without any, angle and torque by their unit.
 
-    One in a unit of something else is none where another is left. Where none is, the end of a name may be no unit
-    (theta_m), brackets (Position [mm]) are one: then none is left, unless the unit is told, or the kind is torque,
-    whose column is better refused for its unit than left out.
+    Candidates with a unit of another quantity are dropped, unless none would remain. If none would, the end of a name
+    may not be a unit (theta_m), but brackets (Position [mm]) are: these candidates are dropped, too, unless the unit is
+    given or the kind is torque, whose column is better refused for its unit than left out.
     """
     own = {"time": TIME_UNITS, "angle": ANGLE_TURNS, "torque": TORQUE_UNITS, "speed": SPEED_UNITS}[kind]
     others = {*TIME_UNITS, *ANGLE_TURNS, *SPEED_UNITS, *TORQUE_UNITS, *QUANTITY_UNITS} - {*own}
@@ -65,7 +65,7 @@ def choose(kind: str, names: Iterable[str], unit_told: bool = False) -> list[str
 
 
 def _plain(name: str) -> str:
-    """A column's name as plain words: without its unit, accents, letters of type and humps, in small letters."""
+    """Convert the name of a column to plain lower-case words, without unit, accents, letters of type and camel case."""
     bare = re.sub(BRACKETS, " ", name).strip() or name
     bare = re.sub(r"(?<=[A-Za-z])\d{1,2}$", "", bare) if re.search(r"[./]", bare) else bare  # field.effort0
     bare = re.sub(r"[_ ][Nsm]$", "", bare)
@@ -76,7 +76,7 @@ def _plain(name: str) -> str:
 
 
 def angle_radians(name: str, unit: str, values: FloatArray) -> tuple[FloatArray, str, str]:
-    """Radians (n,), the unit, and how it was taken, in words: as configured, as named, or as the wraps show.
+    """Return radians (n,), the unit, and its source in words: configured, named, or shown by the wraps.
 
     A unit may be a number, the counts of one turn, or a multiple of a unit. Raises RecordingError for an unknown unit.
     """
@@ -100,7 +100,7 @@ def angle_radians(name: str, unit: str, values: FloatArray) -> tuple[FloatArray,
 
 
 def _other_unit(factor: float, values: FloatArray) -> str:
-    """What speaks against a unit of `factor` radians, in words: wraps as those of another one. Empty without any."""
+    """Describe wraps at another unit than one of `factor` radians; empty without such wraps."""
     seen = angle_unit(values)
     other = next((short for short, turn in ANGLE_TURNS.items() if seen.wrapped and turn == seen.turn), "")
     if not other or math.isclose(ANGLE_TURNS[other] * factor, 2.0 * math.pi):
@@ -111,7 +111,7 @@ def _other_unit(factor: float, values: FloatArray) -> str:
 
 
 def torque_newton_metres(name: str, unit: str, values: FloatArray, scale: float | None) -> tuple[FloatArray, str, str]:
-    """N m (n,), the unit, and how it was taken; `scale` is N m per unit, for volts and other units of one's own."""
+    """Return N m (n,), the unit, and its source; `scale` is N m per unit, for volts and other own units."""
     if scale is not None:
         return values * scale, unit, f"{scale:g} N m per {unit or 'unit'}"
     factor = unit_factor(unit or "N m", TORQUE_UNITS)
@@ -124,7 +124,7 @@ def torque_newton_metres(name: str, unit: str, values: FloatArray, scale: float 
 
 
 def quantity_si(name: str, unit: str, values: FloatArray) -> tuple[FloatArray, str]:
-    """A displacement, angle, speed or force in SI units, and the unit taken: as configured, as named, else SI."""
+    """Convert a displacement, angle, speed or force to SI, and return its unit: configured, named, otherwise SI."""
     factor = unit_factor(unit, QUANTITY_UNITS) if unit else 1.0
     if factor is None:
         known = ", ".join(QUANTITY_UNITS)
@@ -133,14 +133,14 @@ def quantity_si(name: str, unit: str, values: FloatArray) -> tuple[FloatArray, s
 
 
 def looks_like_time(values: FloatArray) -> bool:
-    """Whether a column rises throughout in nearly equal steps."""
+    """Return true if a column rises throughout in nearly equal steps."""
     finite = values[np.isfinite(values)]
     step = np.diff(finite[:10_000])
     return finite.size > 2 and bool((step > 0.0).all()) and float(np.median(step)) > 0.2 * float(step.max(initial=0.0))
 
 
 def describe(columns: Mapping[str, FloatArray]) -> str:
-    """The columns with their ranges, for a person who is to choose."""
+    """List the columns with their ranges, for a person who chooses."""
     rows = []
     for name, values in columns.items():
         finite = values[np.isfinite(values)]

@@ -1,4 +1,4 @@
-"""Dates and times of day as loggers write them, brought into one form where they can be read in one way only."""
+"""Dates and times of day of many loggers, converted to one form if they are unambiguous."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ MOMENT = re.compile(
 )
 """Date and time, either alone."""
 OTHER_MOMENT = re.compile(r"\d{1,4}/\d{1,2}/\d{1,4}( \d[\d:.,]+)?|\d{1,2}-\d{1,2}-\d{2,4}\b|\d{1,2}:\d\d[\d:]*")
-"""What may be meant as either, and is written otherwise."""
+"""A date or time in another form."""
 HOW = "2026-10-25 23:59:50.5 or 25.10.2026 23:59:50,5"
-"""How any date is read."""
+"""Forms in which any date can be read."""
 
 _TWELVE = (
     r"^(?P<before>.*?)(?P<h>[0-9]{1,2}):(?P<m>[0-9]{2})(?P<s>(?::[0-9]{2}(?:[.,:][0-9]+)?)?)"
@@ -30,12 +30,12 @@ _MONTHS = 12
 
 
 def one_form(cells: Any, day_first: bool | None = None) -> tuple[Any, str, bool | None]:
-    """An arrow column of text with dates year first and times in 24 hours, a doubt about the dates, and their order.
+    """Convert a column of text to dates year first and times of 24 hours; return it, an objection, and the order.
 
-    Cells are changed where all of a column that are not null are written in the same way: month or day first (known
-    where one of the two exceeds 12 somewhere in the column, or they are always the same), in twice twelve hours, or
-    with milliseconds after a colon. The doubt is a text for people, empty where there is none. The order is whether the
-    day stands first, None for dates that leave it open or have the year first; `day_first` says it where it is known.
+    Cells are converted if all non-null ones of a column have the same form: month or day first (known if one of the
+    two exceeds 12 in the column, or they are always equal), twice twelve hours, or milliseconds after a colon.
+    The objection is a text for people on ambiguous dates, empty without any. The order is true if the day stands first,
+    None if it is unknown or the year stands first; `day_first` gives it if it is known.
     """
     from pyarrow import compute
 
@@ -61,7 +61,7 @@ def one_form(cells: Any, day_first: bool | None = None) -> tuple[Any, str, bool 
 
 
 def _in_24_hours(cells: Any) -> Any:
-    """Times that all end in AM or PM without it, as 13:05:00 for 1:05 PM; others, and hours beyond 12, as they are."""
+    """Convert times that all end in AM or PM, 1:05 PM to 13:05:00; others, and hours beyond 12, are unchanged."""
     import pyarrow
     from pyarrow import compute
 
@@ -84,7 +84,7 @@ def _in_24_hours(cells: Any) -> Any:
 
 
 def _parts(cells: Any, pattern: str) -> Any:
-    """What a pattern takes out of each cell; None where there is a cell, not null, that it does not match, or none."""
+    """Groups of a pattern in each cell; None if a non-null cell does not match, or without cells."""
     from pyarrow import compute
 
     parts = compute.extract_regex(cells, pattern)

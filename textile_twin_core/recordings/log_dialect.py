@@ -1,4 +1,4 @@
-"""How a text table is written: its separator, its decimal sign, its header, found out from its beginning."""
+"""Dialect of a text table: separator, decimal sign and header, detected from its beginning."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ from textile_twin_core.recordings.log_thousands import DOUBT, has_thousands, may
 from textile_twin_core.recordings.log_units import is_unit
 
 EMPTY = {"", "nan", "NaN", "NAN", "null", "inf", "-inf"}
-"""What a cell without a number has in it."""
+"""Contents of a cell without a number."""
 _HEAD_BYTES = 65536
 _SEPARATORS = (";", "\t", ",", "|")
 _NUMBER = re.compile(r"[+\-\u2212]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$")
 COMMENT = re.compile(r"^\s*(#+|%+|//+)\s*(?=\S)")
-"""Marks of a line that the logger meant for people: the names of the columns often stand in one."""
+"""Marks of a comment line, which often has the names of the columns."""
 _NUMERAL, _OTHER_SIGN, _MOMENT, _NOTHING, _WORD = "number", "number of the other sign", "date", "nothing", "word"
 _LOOKED_AT = 40
 
 
 @dataclass(frozen=True)
 class Dialect:
-    """How a text table is written. decimal: point or comma. skipped: lines before the first row of data.
+    """Dialect of a text table. decimal: point or comma. skipped: lines before the first row of data.
 
-    names: of the columns, with their units where the file has them; made up (column_1 ..) when it has none.
-    encoding: of its characters, as Python calls it. interval_s: from row to row, where the head tells it instead of
-    the rows. names_at, units_at: the lines, from 0, where names and units stand. heads: the cells of such lines.
-    known: whether the head is that of a known maker.
+    names: of the columns, with their units if the file has them; column_1 and so on without names.
+    encoding: of its characters, by Python's name. interval_s: from row to row, if the head states it instead of
+    the rows. names_at, units_at: lines of names and units, from 0. heads: the cells of such lines.
+    known: true for the head of a known maker.
     """
 
     separator: str
@@ -52,7 +52,7 @@ class Dialect:
 
 
 def sniff(path: Path, separator: str | None = None, decimal: str | None = None) -> Dialect:
-    """The dialect under which most of the file's beginning is rows of as many numbers. Raises RecordingError."""
+    """Detect the dialect in which most of the file's beginning is rows of equal length. Raises RecordingError."""
     with path.open("rb") as file:
         begin = file.read(_HEAD_BYTES)
     text, encoding = decoded(path, begin)
@@ -83,7 +83,7 @@ def sniff(path: Path, separator: str | None = None, decimal: str | None = None) 
 
 
 def _refuse_dates(path: Path, lines: list[str]) -> None:
-    """Raises RecordingError for a log whose dates are what hides its numbers."""
+    """Raise RecordingError for a log whose dates hide its numbers."""
     for number, line in enumerate(lines, 1):
         found = OTHER_MOMENT.search(line)
         if found:
@@ -94,7 +94,7 @@ def _refuse_dates(path: Path, lines: list[str]) -> None:
 
 
 def _refuse_mixed_signs(path: Path, lines: list[str]) -> None:
-    """Raises RecordingError for a log in which one sign is decimal, and another may be that of thousands."""
+    """Raise RecordingError for a log in which one sign is decimal, and another may separate thousands."""
     for number, line in enumerate(lines, 1):
         for separator in (";", "\t", "|"):
             cells = cells_of(line, separator)
@@ -106,7 +106,7 @@ def _refuse_mixed_signs(path: Path, lines: list[str]) -> None:
 
 
 def _try(lines: list[str], separator: str, decimal: str) -> tuple[int, int, Dialect] | None:
-    """Numbers and columns that a dialect finds, and the dialect with the header that goes with it."""
+    """Count the numbers and columns of a dialect, and return it with its header."""
     near_end = [[_kind(cell, decimal) for cell in cells_of(line, separator)] for line in lines[-_LOOKED_AT:]]
     width = max((len(row) for row in near_end if _is_data(row, range(len(row)))), default=0)
     cells = [[_kind(cell, decimal) for cell in cells_of(line, separator, width)] for line in lines]
@@ -115,7 +115,7 @@ def _try(lines: list[str], separator: str, decimal: str) -> tuple[int, int, Dial
     data = [k for k, row in enumerate(cells) if len(row) == width and _is_data(row, counted)]
     if not data:
         return None
-    # What stands above names may be a line of keys and values; names stand above two rows of which one has no word.
+    # Above the names there may be a line of keys and values; below them are two rows, at least one without words.
     pairs = [k for k, after in pairwise(data) if after == k + 1]
     clean = next((k for k in pairs if all(cells[k][each] != _WORD for each in counted)), data[0])
     names_at = [k for k, row in enumerate(cells[:clean]) if len(row) == width and _is_words(row, counted)]
@@ -140,7 +140,7 @@ def _try(lines: list[str], separator: str, decimal: str) -> tuple[int, int, Dial
 def _names(
     lines: Sequence[str], separator: str, width: int, names_at: int | None, units_at: int | None
 ) -> tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]:
-    """Names of columns with their units, and the cells of both lines; made-up names where there is no such line."""
+    """Names of columns with their units, and the cells of both lines; numbered names without such lines."""
     made_up = [f"column_{k + 1}" for k in range(width)]
     rows = [
         cells_of(COMMENT.sub("", lines[k], count=1), separator, width) for k in (names_at, units_at) if k is not None
@@ -154,7 +154,7 @@ def _names(
 
 
 def as_written(path: Path, table: TextTable) -> Dialect:
-    """The dialect that a mapping describes, with the names of the columns of this file. Raises RecordingError."""
+    """Return the dialect of a mapping, with the names of the columns of this file. Raises RecordingError."""
     with path.open("rb") as file:
         begin = file.read(_HEAD_BYTES)
     try:
@@ -173,14 +173,14 @@ def as_written(path: Path, table: TextTable) -> Dialect:
 
 
 def _with_unit(name: str, unit: str) -> str:
-    """A column's name with the unit below it, which may stand in brackets already."""
+    """Append the unit below a column's name, which may already be in brackets."""
     return name if not unit else f"{name} {unit}" if unit[0] in "[(" else f"{name} [{unit}]"
 
 
 def cells_of(line: str, separator: str, width: int = 0) -> list[str]:
-    """The cells of a line, without spaces and quotation marks about them; within marks a separator is none.
+    """Split a line into cells, without surrounding spaces and quotation marks; quoted separators do not split.
 
-    The last of several, where it is empty, is only a separator at the line's end, unless it is number `width`.
+    An empty last one of several cells is only a separator at the line's end, unless it is number `width`.
     """
     if '"' in line and separator != " ":
         parts = next(csv.reader([line.rstrip("\r\n")], delimiter=separator))
@@ -192,7 +192,7 @@ def cells_of(line: str, separator: str, width: int = 0) -> list[str]:
 
 
 def _kind(cell: str, decimal: str) -> str:
-    """What a cell holds: a number of this decimal sign or the other, a date, nothing, or a word."""
+    """Kind of a cell: a number of this decimal sign or the other, a date, nothing, or a word."""
     other = "," if decimal == "." else "."
     if cell in EMPTY:
         return _NOTHING
@@ -204,9 +204,9 @@ def _kind(cell: str, decimal: str) -> str:
 
 
 def _is_data(row: list[str], counted: Sequence[int]) -> bool:
-    """Whether of the cells that count some are numbers, and with dates more than words, and none has the other sign.
+    """Return true if the counted cells have numbers, with dates more than words, and none of the other decimal sign.
 
-    As many will do where the first is no word: a reading that is missing, and no key beside its value.
+    Equally many are enough if the first cell is no word: then a reading is missing, and it is no key with its value.
     """
     kinds = [row[k] for k in counted]
     if _OTHER_SIGN in kinds:
@@ -217,12 +217,12 @@ def _is_data(row: list[str], counted: Sequence[int]) -> bool:
 
 
 def _is_words(row: list[str], counted: Sequence[int]) -> bool:
-    """Whether of the cells that count none is a number or a date, and some are words."""
+    """Return true if some of the counted cells are words, and none is a number or a date."""
     return {row[k] for k in counted} - {_NOTHING} == {_WORD}
 
 
 def _are_units(row: list[str]) -> bool:
-    """Whether cells are short as units are and no names, or half of those that are not empty are known units."""
+    """Return true if cells are as short as units and no names, or half of the non-empty ones are known units."""
     told = [cell for cell in row if cell]
     unknown = [cell for cell in told if not is_unit(cell)]
     if 2 * len(unknown) <= len(told):

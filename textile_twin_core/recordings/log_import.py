@@ -1,4 +1,4 @@
-"""A log becomes a recording: columns chosen, converted to SI and written as messages with their stamps."""
+"""Import of a log: choose columns, convert them to SI and write a recording of stamped messages."""
 
 from __future__ import annotations
 
@@ -39,17 +39,17 @@ from textile_twin_core.recordings.recording import Progress
 from textile_twin_core.shaft.count_lattice import count_lattice
 
 _FIRST_NS = 1_000_000_000
-"""Stamp of the first row of a log whose time is none of the day: 0 means in ROS that there is no stamp."""
+"""Stamp of the first row of a log without dates, since 0 means in ROS that there is no stamp."""
 _EPOCH_S = 1e8
 MEASURED = "measured"
-"""Above the topics of quantities other than torque: JointState, position of the joint named as the output."""
+"""Prefix of the topics of quantities other than torque: JointState, position of the joint named as the output."""
 
 
 @dataclass(frozen=True)
 class RawChannels:
     """Voltage of a pickup on a toothed wheel, and a force on a point of the machine.
 
-    machine: says how many teeth the wheel has, and how the point moves. pickup: its column. measure, force: the
+    machine: gives the teeth of the wheel and the motion of the point. pickup: its column. measure, force: the
     displacement along which the force acts, and its column; empty without a force. newton: per unit of that column.
     zero_at_rad: see `force_torque`.
     """
@@ -70,28 +70,28 @@ def import_log(
     progress: Progress = lambda _: None,
     raw: RawChannels | None = None,
 ) -> tuple[LogMapping, dict[str, str]]:
-    """Write angle, and torque and speed where there are any, into a recording.
+    """Write angle, and torque and speed if present, into a recording.
 
     Args:
         columns: of the log, a LogTable or float64 (n,) by name.
         out: the recording.
         mapping: columns, units and times as far as they are known.
-        ask: asks a person where several columns may be meant; None: such a log is refused.
-        progress: is called with the number of rows as those of a column are written.
+        ask: asks a person if several columns may be meant; None: such a log is refused.
+        progress: called with the number of rows written of each column.
         raw: a pickup and a force instead of angle and torque.
 
     Returns:
-        The complete mapping, with which the next log of this kind needs no guess, and in words what was taken for what.
+        The complete mapping, with which the next log of this kind needs no guess, and the choices made, in words.
 
     Raises:
-        RecordingError: a column cannot be told or its unit is not known.
+        RecordingError: a column is ambiguous or its unit unknown.
     """
     table = columns if isinstance(columns, LogTable) else _table(columns)
     return _Import(table, out, mapping, ask, progress).run(raw)
 
 
 class _Import:
-    """One log on its way into a recording: what is known of it, and what was taken for what."""
+    """Import of one log: its mapping so far, and the choices made, in words."""
 
     def __init__(
         self, table: LogTable, out: BagWriter, mapping: LogMapping, ask: Ask | None, progress: Progress
@@ -101,7 +101,7 @@ class _Import:
         self._first: float | None = None
 
     def run(self, raw: RawChannels | None) -> tuple[LogMapping, dict[str, str]]:
-        """Choose, convert, write."""
+        """Choose, convert and write the columns."""
         if raw is not None:
             clock = self._main_clock(Channel(raw.pickup))
             seconds, clock = self._seconds(clock, "time", True)
@@ -126,7 +126,7 @@ class _Import:
         return self._mapping, self._words
 
     def _main_clock(self, channel: Channel) -> Clock:
-        """The clock of the angle, or of the pickup."""
+        """Return the clock of the angle, or of the pickup."""
         refuse_unknown(channel.column, self._table)
         rate = self._mapping.clock.rate_hz
         if rate is None:
@@ -139,7 +139,7 @@ class _Import:
         return Clock(rate_hz=rate)
 
     def _seconds(self, clock: Clock, kind: str, raw: bool = False) -> tuple[FloatArray, Clock]:
-        """Seconds of every row (n,), NaN without a time, and the clock with its units; words about it under `kind`."""
+        """Return seconds of every row (n,), NaN without a time, and the clock with units; note them under `kind`."""
         if clock.rate_hz is not None:
             rows = max(map(len, self._table.values()))
             self._words[kind] = f"{clock.rate_hz:g} rows a second"
@@ -149,7 +149,7 @@ class _Import:
         return seconds, clock
 
     def _stamps(self, seconds: FloatArray, clock: Clock, kind: str) -> tuple[IntArray, BoolArray]:
-        """Stamps [ns] of the rows with a time, and which rows those are. Raises RecordingError for times that fall."""
+        """Return stamps [ns] of the rows with a time, and their mask. Raises RecordingError for falling times."""
         here = np.isfinite(seconds)
         seconds = seconds[here]
         if self._first is None:
@@ -171,7 +171,7 @@ class _Import:
     def _with_stamps(
         self, values: FloatArray, seconds: FloatArray, clock: Clock, kind: str
     ) -> tuple[IntArray, BoolArray]:
-        """Stamps (m,) of the rows (n,) that have a time and a value, and which those are."""
+        """Return stamps (m,) of the rows (n,) that have a time and a value, and the mask of these."""
         if values.size != seconds.size:
             raise RecordingError(
                 f"{values.size} values, but {seconds.size} times in column '{clock.column}'; name their own with"
@@ -205,7 +205,7 @@ class _Import:
         self._progress(values.size)
 
     def _write_second_angle(self, channel: Channel, clock: Clock) -> None:
-        """The angle of the second encoder, in the first one's unit unless another is given."""
+        """Write the angle of the second encoder, in the first one's unit unless another is given."""
         name = channel.column
         refuse_unknown(name, self._table)
         values = self._table[name].copy()
@@ -233,7 +233,7 @@ class _Import:
     def _own_stamps(
         self, channel: Channel, values: FloatArray, clock: Clock, kind: str
     ) -> tuple[IntArray, BoolArray, Channel]:
-        """Stamps of a channel beside the angle, at its own times where it has any."""
+        """Return stamps of a channel beside the angle, at its own times if it has any."""
         own = own_clock(self._table, self._mapping, clock, self._mapping.angle, channel, kind)
         words = self._words.pop(kind)
         seconds, own = self._seconds(own, kind)
@@ -247,13 +247,13 @@ class _Import:
         return stamps, here, replace(channel, clock=own)
 
     def _without(self, name: str, known: BoolArray) -> str:
-        """Rows without a number, in words; in a log in long form they are those of other signals."""
+        """Describe the rows without a number; in a log in long form they belong to other signals."""
         return "" if name in self._table.signals else _empty(known)
 
     def _speed(
         self, stamps: IntArray, theta: FloatArray, here: BoolArray, clock: Clock
     ) -> tuple[Channel, FloatArray | None]:
-        """The encoder's speed [rad/s] where a column holds it: the one with which the angle turns."""
+        """Find the column of the encoder's speed, with which the angle turns, and convert it to rad/s."""
         wished, table, none = self._mapping.speed, self._table, Channel(NO_COLUMN)
         if wished.column == NO_COLUMN and NO_COLUMN not in table:
             return none, None
@@ -293,7 +293,7 @@ class _Import:
 
 
 def _write_raw(table: LogTable, stamps: IntArray, raw: RawChannels, out: BagWriter, taken: dict[str, str]) -> None:
-    """Edges of the wheel, and the torque with which the force drives the shaft."""
+    """Write edges of the wheel, and the torque with which the force drives the shaft."""
     for name in filter(None, (raw.pickup, raw.force)):
         refuse_unknown(name, table)
     since = (stamps - stamps[0]) * 1e-9
@@ -309,7 +309,7 @@ def _write_raw(table: LogTable, stamps: IntArray, raw: RawChannels, out: BagWrit
 
 
 def _empty(here: BoolArray) -> str:
-    """How many rows (n,) of a column have no number, in words; empty when all have."""
+    """Describe the number of rows (n,) without a number; empty if all have one."""
     without = np.flatnonzero(~here)
     return f"; {without.size} rows without a number are not used, first row {without[0] + 1}" if without.size else ""
 
@@ -321,7 +321,7 @@ def _table(columns: Mapping[str, FloatArray]) -> LogTable:
 
 
 def _amiss(steps: IntArray) -> str:
-    """What is wrong with times that stand or go back from row to row, in words; empty when they rise."""
+    """Describe times that repeat or fall from row to row; empty if they rise."""
     back, stands = np.flatnonzero(steps < 0), int(np.count_nonzero(steps == 0))
     told = f"; goes back at {back.size} rows, first at row {back[0] + 2}" if back.size else ""
     told += f"; {stands} rows have the time of the row before" if stands else ""
@@ -330,7 +330,7 @@ def _amiss(steps: IntArray) -> str:
 
 
 def _own_readings(angle: FloatArray, unit: str) -> tuple[FloatArray, str]:
-    """The encoder's readings behind angles (n,) [rad] logged with so many decimals, and its counts in words."""
+    """Recover the encoder's readings from angles (n,) [rad] rounded in the log, and describe its counts."""
     lattice = count_lattice(np.unwrap(angle), ANGLE_TURNS[unit]) if unit in ANGLE_TURNS else None
     if lattice is None:
         return angle, ""

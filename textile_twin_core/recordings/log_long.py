@@ -1,4 +1,4 @@
-"""Logs with a row for each value, whose signal stands in a column of its own: brought into a column for each signal."""
+"""Logs in long form (a row for each value, with the name of its signal), converted to a column for each signal."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ _SIGNALS, _ROWS = 64, 8
 
 
 def find_long_form(columns: Mapping[str, Any]) -> LongForm | None:
-    """The two columns of a log in long form (Arrow columns by name); None for a table with a column for each signal.
+    """Find the two columns of a log in long form (Arrow columns by name); None for a column for each signal.
 
-    One column holds a few words again and again, and one column of numbers is called a value.
+    One column repeats a few words, and one column of numbers is named as a value.
     """
     from pyarrow import types
 
@@ -35,9 +35,9 @@ def find_long_form(columns: Mapping[str, Any]) -> LongForm | None:
 
 
 def by_signal(columns: Mapping[str, Any], form: LongForm) -> tuple[dict[str, Any], set[str]]:
-    """Arrow columns with one for each signal, null in the rows of others, and the names of those columns.
+    """Return Arrow columns with one for each signal, null in the rows of others, and the names of those columns.
 
-    Raises RecordingError where a column of the form is not there.
+    Raises RecordingError if a column of the form is missing.
     """
     from pyarrow import compute
 
@@ -60,9 +60,9 @@ def _is_text(cells: Any) -> bool:
 
 
 def _names_signals(cells: Any, values: Any) -> bool:
-    """Whether a column of words tells signals apart: a few words, each with many rows, between which the values leap.
+    """Return true if a column of words names signals: few words, each with many rows, and very different values.
 
-    A state beside the values (ON, OFF) is no signal: neighbouring rows of different states have like values.
+    A state beside the values (ON, OFF) is no signal: neighbouring rows of different states have similar values.
     """
     from pyarrow import compute
 

@@ -1,4 +1,4 @@
-"""Heads of text logs that are no line of names above the rows: TwinCAT Scope, LabVIEW Measurement, SIMATIC panels."""
+"""Heads of text logs of known makers: TwinCAT Scope, LabVIEW Measurement, SIMATIC panels."""
 
 from __future__ import annotations
 
@@ -10,28 +10,28 @@ from dataclasses import dataclass
 from textile_twin_core.errors import RecordingError
 
 TIMES = ("Time [ms]", "Time [s]")
-"""What columns of times are called here that are called nothing, or X_Value, in the log; a second one gets a number."""
+"""Names for columns of times without a name, or named X_Value, in the log; a second one gets a number."""
 FILETIME = "Time [100 ns since 1601]"
 """The same for TwinCAT Scope's full time stamps."""
 UNTIMED = "no times, and the file's head has no Delta_X, the time from row to row"
-"""What a column of times holds that is empty in a LabVIEW file without such a key."""
+"""Reason for an empty column of times in a LabVIEW file without this key."""
 _END_OF_HEAD = "***End_of_Header***"
 _SEPARATOR = re.compile(r"Separator[\t,]\s*(\w+)")
 _SEPARATORS = {"tab": "\t", "comma": ","}
 _NUMBER = re.compile(r"[+-]?[\d.,]*\d[\d.,]*([eE][+-]?\d+)?")
-"""Under either decimal sign."""
+"""A number with either decimal sign."""
 _LONGEST_HEAD = 60
-"""Lines among which a head is looked for."""
+"""Lines that are searched for a head."""
 _FULL = 1e17
-"""Ticks of 100 ns since 1601 that the year 1917 had not: no export counts so many milliseconds."""
+"""Ticks of 100 ns since 1601, up to the year 1917, which no export reaches in milliseconds."""
 
 
 @dataclass(frozen=True)
 class KnownHead:
-    """What a head tells of the rows below it.
+    """Description of the rows by the head above them.
 
     names: of the columns, with their units. skipped: lines before the first row. separator, decimal: of the rows.
-    interval_s: from row to row, where the rows bring no times; NaN where the head does not tell it either.
+    interval_s: from row to row, if the rows have no times; NaN if the head does not state it either.
     """
 
     names: tuple[str, ...]
@@ -42,12 +42,12 @@ class KnownHead:
 
 
 def known_head(path: str, lines: Sequence[str], decimal: str | None) -> KnownHead | None:
-    """The head of a log whose maker is known by it; None for any other log.
+    """Read the head of a log of a known maker; None for any other log.
 
     Args:
-        path: of the log, for messages. lines: its beginning. decimal: as told, where the head does not tell it.
+        path: of the log, for messages. lines: its beginning. decimal: configured, if the head does not state it.
 
-    Raises RecordingError for a log with a row for each value, which holds no table.
+    Raises RecordingError for a log with a row for each value, which is no table.
     """
     if lines and lines[0].replace('"', "").startswith("VarName;TimeString;VarValue"):
         raise RecordingError(
@@ -58,7 +58,7 @@ def known_head(path: str, lines: Sequence[str], decimal: str | None) -> KnownHea
 
 
 def _labview(lines: Sequence[str]) -> KnownHead | None:
-    """A LabVIEW Measurement file (.lvm): up to two heads of keys, then a line of names."""
+    """Read a LabVIEW Measurement file (.lvm): up to two heads of keys, then a line of names."""
     end = _end_of_labview_heads(lines)
     if end is None or end + 1 >= len(lines):
         return None
@@ -76,7 +76,7 @@ def _labview(lines: Sequence[str]) -> KnownHead | None:
 
 
 def _end_of_labview_heads(lines: Sequence[str]) -> int | None:
-    """The line that ends the file's head, or that of its first segment where it has one; None without any."""
+    """Find the last line of the file's head, or of its first segment's head if it has one; None without any."""
     end = None
     for k, line in enumerate(lines[:_LONGEST_HEAD]):
         if line.startswith(_END_OF_HEAD):
@@ -90,8 +90,8 @@ def _end_of_labview_heads(lines: Sequence[str]) -> int | None:
 
 
 def _twincat(lines: Sequence[str], decimal: str | None) -> KnownHead | None:
-    """A text export of TwinCAT Scope: a block of a line for each property of the channels, whose labels stand above the
-    columns of times.
+    """Read a text export of TwinCAT Scope: a line for each property of the channels, labelled above the columns of
+    times.
     """
     for separator in ("\t", ";", ","):
         rows = [[cell.strip() for cell in line.split(separator)] for line in lines[:_LONGEST_HEAD]]
@@ -100,7 +100,7 @@ def _twincat(lines: Sequence[str], decimal: str | None) -> KnownHead | None:
             continue
         named, last = rows[labels["Name"]], max(k for label, k in labels.items() if _is_label(label))
         started = next((k for label, k in labels.items() if label.lower().startswith("starttime")), labels["Name"])
-        # Newer ones have fewer lines: when the export starts, and names; or names alone, once for each column of times.
+        # Newer exports have fewer lines: the start and the names, or names alone, once for each column of times.
         if "SampleTime[ms]" not in labels and started >= labels["Name"] and named.count("Name") < 2:
             continue
         first = next((k for k in range(last + 1, len(rows)) if any(rows[k])), None)
@@ -130,6 +130,6 @@ def _number(text: str, decimal: str, otherwise: float = 0.0) -> float:
 
 
 def _with_unit(name: str, unit: str) -> str:
-    """A channel's name with its unit, as `deg (Angle)` tells it."""
+    """Name of a channel with its unit, from `deg (Angle)`."""
     plain = unit.partition(" (")[0]
     return name if plain in ("", "(None)") else f"{name} [{plain}]"

@@ -1,4 +1,4 @@
-"""Columns, units and time base of a log: partly given by the user, complete after an import, kept in a file."""
+"""Columns, units and time base of a log: partly given by the user, complete after an import, stored in a file."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from textile_twin_core.files.strict_yaml import read_yaml
 from textile_twin_core.recordings.rosbag2_metadata import dump
 
 NO_COLUMN = "none"
-"""What a user gives for a column to say that the log has no such column."""
+"""Name that a user gives for a column that the log does not have."""
 
 
 @dataclass(frozen=True)
 class Clock:
     """Times of the rows: a column and its unit, or an even rate.
 
-    fraction, fraction_unit: column of the parts of a second beside one of whole seconds. steps: the column holds the
-    time since the row before. rate_hz: rows a second, instead of a column.
+    fraction, fraction_unit: column of the parts of a second beside one of whole seconds. steps: true if the column is
+    the time since the row before. rate_hz: rows a second, instead of a column.
     """
 
     column: str = ""
@@ -44,9 +44,9 @@ class Channel:
 
 @dataclass(frozen=True)
 class TextTable:
-    """How a text table is written. Lines count from 1; names_line, units_line: 0 where the file has no such line.
+    """Form of a text table. Lines count from 1; names_line, units_line: 0 if the file has no such line.
 
-    day_first: of dates such as 03/04/2026; None where the cells show it.
+    day_first: for dates such as 03/04/2026; None if the cells show it.
     """
 
     separator: str
@@ -68,7 +68,7 @@ class LongForm:
 
 @dataclass(frozen=True)
 class LogMapping:
-    """Columns, units and time base of a log; what is empty is found from the log."""
+    """Columns, units and time base of a log; empty fields are detected from the log."""
 
     clock: Clock = Clock()
     angle: Channel = Channel()
@@ -81,7 +81,7 @@ class LogMapping:
 
     @property
     def named(self) -> set[str]:
-        """Every column that the mapping names."""
+        """All columns that the mapping names."""
         clocks = [self.clock, *(each.clock for each in self.channels if each.clock)]
         names = {each.column for each in self.channels}
         names |= {name for clock in clocks for name in (clock.column, clock.fraction)}
@@ -103,7 +103,7 @@ _SECOND = "second_angle"
 
 
 def mapping_path(out: Path) -> Path:
-    """Where the mapping of a recording stands: beside it."""
+    """Path of the mapping of a recording, beside it."""
     return out.with_name(f"{out.name}.mapping.yaml")
 
 
@@ -126,7 +126,7 @@ def write_mapping(path: Path, mapping: LogMapping, log: str) -> None:
 
 
 def read_mapping(path: Path) -> LogMapping:
-    """Read a mapping. Raises RecordingError, one line, for a file that is missing, no YAML, or has an unknown key."""
+    """Read a mapping. Raises RecordingError for a file that is missing, no YAML, or has an unknown key."""
     content = read_yaml(path, RecordingError)
     known = {"text", "signals", "time", *_CHANNELS, _SECOND, "quantities"}
     _check(path, "", content, known)
@@ -145,12 +145,12 @@ def read_mapping(path: Path) -> LogMapping:
 
 
 def _plain(what: Any) -> dict[str, Any]:
-    """Fields that are filled."""
+    """Non-empty fields."""
     return {key: value for key, value in asdict(what).items() if value not in ("", None, False) and key != "clock"}
 
 
 def _channel(channel: Channel) -> dict[str, Any] | None:
-    """A channel's fields; None for one that the log has not."""
+    """Fields of a channel; None for one that the log does not have."""
     if channel.column in ("", NO_COLUMN):
         return None
     return _plain(channel) | ({"time": _plain(channel.clock)} if channel.clock else {})
@@ -166,7 +166,7 @@ def _read_channel(path: Path, kind: str, content: Any) -> Channel:
 
 
 def _made(path: Path, place: str, kind: type[Any], content: Any, without: str = "") -> Any:
-    """An instance of a class from a mapping of its fields, each of the type of its default."""
+    """Make an instance of a class from a mapping of its fields, each of the type of its default."""
     _check(path, place, content, {each.name for each in fields(kind)} - {without})
     values = {}
     for each in fields(kind):
@@ -193,7 +193,7 @@ def _made(path: Path, place: str, kind: type[Any], content: Any, without: str = 
 
 
 def _check(path: Path, place: str, content: Any, known: set[str]) -> None:
-    """Raises RecordingError for what is no mapping, or has a key that is not known."""
+    """Raise RecordingError unless the content is a mapping with known keys only."""
     where = f"{path}: {place}: " if place else f"{path}: "
     if not isinstance(content, dict):
         raise RecordingError(f"{where}no keys and values; keys are {', '.join(sorted(known))}")

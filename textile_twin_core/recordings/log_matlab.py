@@ -1,4 +1,4 @@
-"""MATLAB files as columns: vectors, a matrix, structures as Simulink and measuring programs save them."""
+"""MATLAB files as columns: vectors, a matrix, and structures of Simulink and measuring programs."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from textile_twin_core.recordings.matlab_content import matlab_variables
 
 _TIME = ("time", "t", "zeit", "timestamp", "timestamps")
 _VALUES = ("values", "value", "data", "signals", "y")
-"""Fields that say nothing of what they hold: the structure's name or label does."""
+"""Fields without a meaning of their own: the quantity is in the structure's name or label."""
 _LABELS, _UNITS = ("label", "name"), ("unit", "units")
 _KINDS = "iuf"
 
 
 def read_matlab(path: Path, table: str | None) -> LogTable:
-    """Columns by name, float64 (n,): vectors of the file and of its structures, or the columns of the one matrix.
+    """Read columns by name, float64 (n,): vectors of the file and of its structures, or columns of its only matrix.
 
-    Names of fields are joined by points; times that a structure brings with its values are kept as theirs.
+    Names of fields are joined by points; times of a structure stay with its values.
 
     Args:
         path: of the file. table: the variable to read, when there are several.
 
-    Raises RecordingError, one line.
+    Raises RecordingError.
     """
     return from_structures(path, matlab_variables(path), table)
 
 
 def from_structures(path: Path, content: dict[str, Any], table: str | None) -> LogTable:
-    """The same of variables by name, arrays and dictionaries of such, as readers of MATLAB and HDF5 files give them."""
+    """Convert variables by name, arrays and nested dictionaries from readers of MATLAB and HDF5 files, to columns."""
     if table is not None:
         if table not in content:
             raise RecordingError(f"{path}: no variable '{table}'; there are: {', '.join(content) or 'none'}")
@@ -58,9 +58,9 @@ def from_structures(path: Path, content: dict[str, Any], table: str | None) -> L
 
 
 def _take(content: Mapping[str, Any], above: str, time: str, log: LogTable, fields: tuple[str, ...] = _VALUES) -> None:
-    """Put the vectors of a structure into the log, under names that begin with that of the structure.
+    """Put the vectors of a structure into the log, under names that begin with the structure's name.
 
-    fields: those that say nothing of what they hold; none among a file's variables.
+    fields: names without a meaning of their own; empty for a file's variables.
     """
     own = next((key for key in content if key.lower().partition(" [")[0] in _TIME and _is_vector(content[key])), None)
     if own is not None:
@@ -82,7 +82,7 @@ def _take(content: Mapping[str, Any], above: str, time: str, log: LogTable, fiel
 
 
 def _parts(name: str, value: Any) -> Iterator[tuple[str, Any]]:
-    """A value; of an array of structures each by itself, by its number where there are several."""
+    """Yield a value, or each structure of an array with its number if there are several."""
     several = isinstance(value, list) or (isinstance(value, np.ndarray) and value.ndim > 0)
     if several and len(value) and all(isinstance(part, dict) for part in value):
         yield from ((name if len(value) == 1 else f"{name}_{k}", part) for k, part in enumerate(value, 1))
@@ -97,7 +97,7 @@ def _put(name: str, values: Any, time: str, log: LogTable) -> None:
 
 
 def _as_long(log: LogTable) -> LogTable:
-    """The columns as long as the longest, or as their own times, and with the same times in one column."""
+    """Pad the columns to the longest, or to their own times, and merge equal times into one column."""
     longest = max(values.size for values in log.values())
     timed = {name for name, time in log.times_of.items() if log[name].size == log[time].size}
     short = {name: values.size for name, values in log.items() if values.size < longest and name not in timed}

@@ -1,4 +1,4 @@
-"""Files of measuring programs as columns: TDMS of LabVIEW, MDF4 of vehicle and test-rig recorders."""
+"""Files of measuring programs: TDMS of LabVIEW, MDF4 of vehicle and test-rig recorders."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ _UNITS = ("unit_string", "NI_UnitDescription", "Unit", "unit")
 
 
 def read_measured(path: Path, table: str | None) -> LogTable:
-    """Columns by name, float64 (n,), each with the times of its group.
+    """Read columns by name, float64 (n,), each with the times of its group.
 
     Args:
-        path: of the file. table: the group of channels to read, where there are several of the same names.
+        path: of the file. table: the group of channels to read, if several have the same names.
 
-    Raises RecordingError, one line, for a damaged file, one without such a group, or a package that is not there.
+    Raises RecordingError for a damaged file, one without such a group, or a missing package.
     """
-    for name in ("asammdf", "canmatrix", "nptdms"):  # what they would log is in the error
+    for name in ("asammdf", "canmatrix", "nptdms"):  # their log lines repeat the error
         logging.getLogger(name).setLevel(logging.CRITICAL)
     library = "nptdms" if path.suffix.lower() == ".tdms" else "asammdf"
     words = ""
@@ -39,7 +39,7 @@ def read_measured(path: Path, table: str | None) -> LogTable:
             words = f"needs the package {library}; {how_to_install(library)}"
         except RecordingError:
             raise
-        except Exception as error:  # each of these libraries has errors of its own
+        except Exception as error:  # each of these libraries has its own errors
             words = f"cannot be read, it may be damaged ({' '.join(str(error).split())[:200] or type(error).__name__})"
     if words:
         raise RecordingError(f"{path}: {words}")
@@ -50,7 +50,7 @@ def read_measured(path: Path, table: str | None) -> LogTable:
 
 @contextmanager
 def _without_words_of_its_end() -> Iterator[None]:
-    """A reader that failed half-way may fail again when it is removed, and Python would print that."""
+    """Suppress the second error of a failed reader when it is deleted, which Python would print."""
     hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
     try:
         yield
@@ -112,7 +112,7 @@ def _group_name(group: Any, number: int) -> str:
 
 
 def _named(path: Path, groups: dict[str, Any], table: str | None) -> list[Any]:
-    """The group of a name, or all. Raises RecordingError."""
+    """Return the group of a name, or all groups. Raises RecordingError."""
     if table is None:
         return list(groups.values())
     if table not in groups:
@@ -121,7 +121,7 @@ def _named(path: Path, groups: dict[str, Any], table: str | None) -> list[Any]:
 
 
 def _put_times(log: LogTable, name: str, since: Any, start: Any) -> None:
-    """Give a column its times: those of another column where they are the same, else a column of their own."""
+    """Assign a column its times: an equal column of times, otherwise a new one."""
     seconds = np.asarray(since, dtype=np.float64) + _epoch(start)
     known = next((time for time in set(log.times_of.values()) if np.array_equal(log[time], seconds)), None)
     if known is None:
@@ -133,7 +133,7 @@ def _put_times(log: LogTable, name: str, since: Any, start: Any) -> None:
 
 
 def _epoch(start: Any) -> float:
-    """Seconds since 1970 of a moment as numpy or Python writes it; 0 without one."""
+    """Seconds since 1970 of a moment of numpy or Python; 0 without one."""
     if start is None:
         return 0.0
     if isinstance(start, np.datetime64):

@@ -1,4 +1,4 @@
-"""Tables from any logger as columns of numbers: CSV of any dialect, Parquet, MATLAB files."""
+"""Reader of tables of any logger into columns of numbers: CSV of any dialect, Parquet, MATLAB files."""
 
 from __future__ import annotations
 
@@ -35,17 +35,17 @@ def read_log(
     text: TextTable | None = None,
     signals: LongForm | None = None,
 ) -> LogTable:
-    """Columns of a log by name, float64 (n,), NaN where a cell is empty; dates become seconds since 1970.
+    """Read columns of a log by name, float64 (n,), NaN where a cell is empty; dates become seconds since 1970.
 
     Args:
         path: .parquet, .mat, or text of any other name.
-        separator, decimal: of a text table, where they are not to be found out.
-        table: variable of a .mat file that holds the log, when it has several.
-        note: is told what of a text table was left out.
-        text: how a text table is written, where that is known.
-        signals: the columns of a log in long form; of empty names for a table with a column for each signal.
+        separator, decimal: of a text table; detected by default.
+        table: variable of a .mat file with the log, if it has several.
+        note: called with a description of the skipped parts of a text table.
+        text: form of a text table, if it is known.
+        signals: the columns of a log in long form; with empty names for a table with a column for each signal.
 
-    Raises RecordingError, one line, for a file that is missing, empty, or no table.
+    Raises RecordingError for a file that is missing, empty, or no table.
     """
     if path.is_dir():
         what = "a recording already" if any(path.glob("*.mcap")) or any(path.glob("*.db3")) else "a folder"
@@ -114,7 +114,7 @@ def _text(
             ),
         )
 
-    # Far below the lines by which kinds and encoding were seen, a cell may be no number, or no UTF-8.
+    # Below the lines that showed kinds and encoding, a cell may be no number, or no UTF-8.
     strings = {f"f{k}": string() for k in range(len(dialect.names))}
     last = ("latin-1" if encoding == "utf-8" else encoding, strings)
     for code, kinds in ((encoding, None), (encoding, strings), last):
@@ -152,7 +152,7 @@ def _text(
 
 
 def _without_heads(table: Any, dialect: Dialect) -> tuple[Any, int]:
-    """The rows that do not repeat the names or the units of the columns, and how many do, as in joined logs."""
+    """Drop the rows that repeat the names or the units of the columns, as in joined logs, and count them."""
     import pyarrow
     from pyarrow import compute, types
 
@@ -178,7 +178,7 @@ def _without_heads(table: Any, dialect: Dialect) -> tuple[Any, int]:
 
 
 def _retyped(column: Any) -> Any:
-    """A column of text as numbers, where all its cells are."""
+    """Convert a column of text to numbers if all its cells are."""
     from pyarrow import ArrowInvalid
 
     try:
@@ -195,7 +195,7 @@ def _written(dialect: Dialect, day_first: bool | None) -> TextTable:
 def _numbers(
     columns: dict[str, Any], decimal: str, signals: LongForm | None, day_first: bool | None = None
 ) -> LogTable:
-    """Arrow columns as numbers, with a column for each signal where the log is in long form."""
+    """Convert Arrow columns to numbers, with a column for each signal of a log in long form."""
     form = find_long_form(columns) if signals is None else signals if signals.signal else None
     if form is None:
         return numeric(columns, decimal, day_first)
@@ -208,7 +208,7 @@ def _numbers(
 
 
 def _with_times(log: LogTable, interval_s: float | None) -> LogTable:
-    """A known maker's log with one column of times where all of its own are the same, or where its head tells them."""
+    """Merge equal columns of times of a known maker's log into one, or add the times stated in its head."""
     if interval_s is not None and math.isnan(interval_s):
         log.left_out[TIMES[1]] = UNTIMED
     elif interval_s is not None and log:
@@ -233,7 +233,7 @@ def _with_times(log: LogTable, interval_s: float | None) -> LogTable:
 
 
 def _line_of(path: Path, dialect: Dialect, place: int, cell: str) -> str:
-    """The line on which a cell stands, counted only when there is one to complain about."""
+    """Find the line of a cell, for an error message."""
     with path.open(encoding="utf-8-sig" if dialect.encoding == "utf-8" else dialect.encoding, errors="replace") as file:
         for number, line in enumerate(file, 1):
             cells = cells_of(line, dialect.separator)
@@ -243,7 +243,7 @@ def _line_of(path: Path, dialect: Dialect, place: int, cell: str) -> str:
 
 
 def _tabbed(path: Path, dialect: Dialect) -> BytesIO:
-    """A log whose columns are parted by any number of spaces, with a tab for them."""
+    """Replace the spaces between the columns of a log by tabs."""
     encoding = "utf-8-sig" if dialect.encoding == "utf-8" else dialect.encoding
     with path.open(encoding=encoding, errors="replace") as lines:
         return BytesIO("".join("\t".join(COMMENT.sub("", line, count=1).split()) + "\n" for line in lines).encode())

@@ -1,4 +1,4 @@
-"""Raw channels of a test rig: a pickup's voltage as edges of a toothed wheel, a force on a point as a torque."""
+"""Raw channels of a test rig: pickup voltage to edges of a toothed wheel, force on a point to torque."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from textile_twin_core.twin import compile_machine
 from textile_twin_core.twin.encoder_reference import reference_of
 
 _PASSED = 2.7
-"""Low-pass of the pickup over the rate of the teeth: noise goes, the edge keeps its place."""
+"""Low-pass frequency of the pickup over the rate of the teeth: removes noise without moving the edges."""
 _NEAREST = 0.4
 _FEWEST_EDGES = 16
 _ABOUT_ZERO_RAD = np.deg2rad(45.0)
@@ -23,9 +23,9 @@ _ABOUT_ZERO_RAD = np.deg2rad(45.0)
 def tooth_edges(time_s: FloatArray, volts: FloatArray) -> FloatArray:
     """Times [s] at which a pickup's voltage (n,), evenly sampled, rises through its middle, one for each tooth.
 
-    The middle lies between the 5th and 95th percentile; a second-order zero-phase low-pass at 2.7 times the rate of the
-    teeth comes first; crossings nearer than 0.4 of the median interval are the same tooth. Raises RecordingError when
-    there are too few.
+    The voltage passes a second-order zero-phase low-pass at 2.7 times the rate of the teeth. The middle lies between
+    the 5th and 95th percentile; crossings closer than 0.4 of the median interval are the same tooth. Raises
+    RecordingError with too few edges.
     """
     low, high = np.percentile(volts, [5.0, 95.0])
     middle, rate = 0.5 * (low + high), 1.0 / float(np.median(np.diff(time_s)))
@@ -48,7 +48,7 @@ def _rising(time_s: FloatArray, wave: FloatArray) -> FloatArray:
 
 
 def _apart(time_s: FloatArray) -> FloatArray:
-    """Without those that follow another too soon."""
+    """Drop times that follow another too soon."""
     if time_s.size < 2:
         return time_s
     least = _NEAREST * float(np.percentile(np.diff(time_s), 75.0))
@@ -67,17 +67,17 @@ def force_torque(
     force_N: FloatArray,
     zero_at_rad: float | None,
 ) -> tuple[IntArray, FloatArray]:
-    """The torque [N m] with which a force along a measure drives the shaft: force times travel per radian.
+    """Torque [N m] with which a force along a measure drives the shaft: force times travel per radian.
 
     Args:
         machine: with the measure and the encoder. measure: name of a displacement, such as piston.
         angles: stamps [ns] and encoder angles [rad], unwrapped. stamps_ns, force_N: (m,) the force, positive along the
             measure.
-        zero_at_rad: the shaft angle about which the force is none, for sensors that drift: the median within 45
-            degrees of it is taken off, of several turns of the cycle that with the least force.
+        zero_at_rad: shaft angle without a force, for sensors that drift: the median within 45 degrees of it is
+            subtracted, in a cycle of several turns that of the turn with the least force.
 
     Returns:
-        Stamps and torque where the angle is known.
+        Stamps and torque, where the angle is known.
     """
     name = f"{measure}_velocity_m_s"
     if name not in machine.outputs:
@@ -92,12 +92,12 @@ def force_torque(
     travel = compile_machine(machine, [name]).evaluate(theta, np.ones_like(theta), np.zeros_like(theta))[name]
     force = force_N[inside]
     if zero_at_rad is not None:
-        force = force - _at_rest(theta, force, zero_at_rad, encoder.cycle_turns)
+        force = force - _force_zero(theta, force, zero_at_rad, encoder.cycle_turns)
     return stamps_ns[inside], np.asarray(force * travel)
 
 
-def _at_rest(theta: FloatArray, force: FloatArray, zero_at_rad: float, cycle_turns: int) -> float:
-    """The force about an angle, of the turns of the cycle that with the smallest size."""
+def _force_zero(theta: FloatArray, force: FloatArray, zero_at_rad: float, cycle_turns: int) -> float:
+    """Median force about an angle, in the turn of the cycle with the smallest one."""
     turn, place = np.divmod(theta - zero_at_rad + np.pi, 2.0 * np.pi)
     near = np.abs(place - np.pi) < _ABOUT_ZERO_RAD
     levels = [
@@ -112,7 +112,7 @@ def _at_rest(theta: FloatArray, force: FloatArray, zero_at_rad: float, cycle_tur
 
 
 def edge_angles(machine: Machine, stamps_ns: IntArray) -> tuple[IntArray, FloatArray]:
-    """Stamps and encoder angles of the edges of this machine's wheel. Raises SceneError, RecordingError."""
+    """Return stamps and encoder angles of the edges of this machine's wheel. Raises SceneError, RecordingError."""
     reference = reference_of(machine.sensors.encoder, True, False)
     angles = AngleSamples("main_shaft/angle", stamps_ns, np.zeros(stamps_ns.size), None)
     assert reference is not None

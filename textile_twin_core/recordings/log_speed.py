@@ -1,4 +1,4 @@
-"""The speed with which an angle turns, among the columns of speeds of a log."""
+"""Speed of the encoder among the columns of speeds of a log."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.recordings.log_units import SPEED_UNITS, unit_factor
 
 _NOT_ITS_SPEED = 0.1
-"""Relative difference from which a speed is that of another shaft, or counts the other way."""
+"""Relative difference above which a speed is that of another shaft, or of the other direction."""
 
 
 @dataclass(frozen=True)
 class EncoderSpeed:
-    """A column of speeds, omega (n,) in rad/s. error: RMS of angle turned less speed [rad], or inf."""
+    """Column of speeds, omega (n,) in rad/s. error: RMS of the angle less the integrated speed [rad], or inf."""
 
     column: str
     unit: str
@@ -25,9 +25,9 @@ class EncoderSpeed:
 
 
 def encoder_speed(name: str, unit: str, values: FloatArray, stamps: IntArray, theta: FloatArray) -> EncoderSpeed | str:
-    """A column of speeds (n,) as that of the angle, or in words why it is not.
+    """Return a column of speeds (n,) if it is the angle's, otherwise the reason in words.
 
-    Without a unit in its name the column has that unit in which the angle turns with it.
+    Without a unit in its name the column has the unit that fits the angle.
 
     Args:
         name, unit, values: of the column. stamps: of its rows [ns]. theta: the angle [rad].
@@ -49,9 +49,9 @@ def encoder_speed(name: str, unit: str, values: FloatArray, stamps: IntArray, th
 
 
 def _fit(stamps: IntArray, theta: FloatArray, omega: FloatArray) -> tuple[float, float] | None:
-    """How many times as fast an angle turns as a speed says, and the RMS of what is turned less what the speed says.
+    """Fit the factor from a speed to that of an angle, by least squares, and return it with the RMS residual.
 
-    By least squares; None where too few samples a turn leave the way between two of them open.
+    None if too few samples a turn make the angle between two of them ambiguous.
     """
     stated = 0.5 * (omega[1:] + omega[:-1]) * np.diff(stamps) * 1e-9
     turned = np.diff(theta)

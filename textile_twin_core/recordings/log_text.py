@@ -1,4 +1,4 @@
-"""What kind of file a log is by its first bytes: text in some encoding, or something else that is told by its name."""
+"""Kind of a log file by its first bytes: text in an encoding, or another kind, which is named."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ _SIGNATURES = (
     (b"\x89MCAP0", "a recording already", "give it to compare, calibrate or the other commands as it is"),
     (b"SQLite format 3", "a database, as a recording's .db3 is", "give the recording's folder to the other commands"),
 )
-"""First bytes, what such a file is, and what to do."""
+"""First bytes, kind of the file, and advice."""
 _CHINESE = re.compile("时间|时刻|角度|转角|扭矩|转矩|力矩|转速|速度")
 _MANY = 0.3
-"""Share of zeros among the bytes of one half of each character from which text is UTF-16."""
+"""Share of zeros in one of the two bytes of each character above which text is UTF-16."""
 
 
 def decoded(path: Path, begin: bytes) -> tuple[str, str]:
-    """The text that a file begins with, and the encoding in which Python reads all of it.
+    """Return the text at the beginning of a file, and the encoding in which Python reads all of it.
 
     Args:
         path: of the file, for messages. begin: its first bytes.
@@ -46,7 +46,7 @@ def decoded(path: Path, begin: bytes) -> tuple[str, str]:
 
 
 def _encoding(begin: bytes) -> str:
-    """UTF-16 by its mark or its zeros; else UTF-8 where it is that; else Chinese where its words are there."""
+    """Detect UTF-16 by its mark or its zeros, then valid UTF-8, then Chinese by its words."""
     if begin.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16"
     for first, encoding in ((1, "utf-16-le"), (0, "utf-16-be")):

@@ -1,4 +1,4 @@
-"""The unit of a log's times: told by the user, by the header, or by the interval from row to row."""
+"""Unit of a log's times: given by the user, by the header, or by the interval from row to row."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from textile_twin_core.errors import RecordingError
 from textile_twin_core.recordings.log_units import TIME_UNITS, unit_factor
 
 DATED = "date"
-"""Unit of columns that were dates, times of day or durations: their reader has made seconds of them."""
+"""Unit of columns that were dates, times of day or durations and are seconds after reading."""
 
 _GUESSED = ("s", "ms", "us", "ns")
 _INTERVALS_S = (5e-5, 2.0)
-"""From row to row of a machine's log; a rig that samples a pickup's voltage is quicker."""
+"""Shortest and longest interval of a machine's log; a rig that samples a pickup's voltage is faster."""
 _RAW_INTERVALS_S = (1e-7, 2.0)
 _TOO_SLOW_S = 0.5
-"""So slow a log shows nothing of a shaft: where another unit makes a thousandth of it, that one is meant."""
+"""Interval too slow to show a shaft: if another unit makes it a thousandth, that unit is meant."""
 _LONG_S = 3600.0
 EPOCHS_S = (9.4e8, 4.2e9)
 """Seconds since 1970 of the years 2000 to 2100."""
@@ -35,14 +35,14 @@ _ASK = "tell it: --time-unit {units}; or leave the column out with --rate HZ"
 def time_seconds(
     name: str, unit: str, values: FloatArray, raw: bool = False, whole: bool = False
 ) -> tuple[FloatArray, str, str]:
-    """Seconds of a column of times (n,), the unit taken, and how it was taken, in words.
+    """Convert a column of times (n,) to seconds; return them, the unit, and its source in words.
 
     Args:
-        name: of the column, for messages. unit: as told or named, `DATED`, or empty where nothing tells it.
-        values: as logged, NaN where a cell is empty. raw: the log samples a voltage, so its rows may be very near.
-        whole: the column holds whole seconds, and their parts stand in another.
+        name: of the column, for messages. unit: given or in the name, `DATED`, or empty if unknown.
+        values: as logged, NaN where a cell is empty. raw: the log samples a voltage, so its interval may be very short.
+        whole: the column is in whole seconds, with their parts in another column.
 
-    Raises RecordingError for an unknown unit, for one that cannot be told from the values, and for times no clock has.
+    Raises RecordingError for an unknown unit, for one that the values leave ambiguous, and for impossible times.
     """
     finite = values[np.isfinite(values)]
     if not finite.size:
@@ -52,7 +52,7 @@ def time_seconds(
     elif unit and whole:
         taken, words = unit, unit
     elif unit:
-        taken, words = unit, unit + _doubtful(finite, unit, raw)
+        taken, words = unit, unit + _objection(finite, unit, raw)
     else:
         taken, words = _guessed(name, finite, raw)
     factor = unit_factor(taken, TIME_UNITS)
@@ -67,8 +67,8 @@ def time_seconds(
     return seconds, unit if unit == DATED else taken, words
 
 
-def _doubtful(finite: FloatArray, unit: str, raw: bool) -> str:
-    """What speaks against a unit that is told, in words: rows too near or too far for a shaft. Empty without any."""
+def _objection(finite: FloatArray, unit: str, raw: bool) -> str:
+    """Describe an implausible interval of the rows in a given unit; empty if it is plausible."""
     steps = np.diff(finite)
     steps = steps[steps > 0.0] * (unit_factor(unit, TIME_UNITS) or np.nan)
     step = float(np.median(steps)) if steps.size else np.nan
@@ -79,7 +79,7 @@ def _doubtful(finite: FloatArray, unit: str, raw: bool) -> str:
 
 
 def same_clock(dated: FloatArray, timer: FloatArray) -> bool:
-    """Whether two columns (n,) in seconds, one of dates, go on alike: to the coarsest step of the dates, and 0.1 %."""
+    """Return true if two columns (n,) in seconds, one of dates, agree to the coarsest step of the dates and 0.1 %."""
     here = np.isfinite(dated) & np.isfinite(timer)
     if np.count_nonzero(here) < 2:
         return False
@@ -89,7 +89,7 @@ def same_clock(dated: FloatArray, timer: FloatArray) -> bool:
 
 
 def counts_rows(name: str, values: FloatArray) -> bool:
-    """Whether a column that rises evenly, and no word calls a time, is a count of rows."""
+    """Return true if an evenly rising column, without a name of a time, is a count of rows."""
     finite = values[np.isfinite(values)][:10_000]
     steps = np.unique(np.diff(finite))
     # Milliseconds since 1970 at 1 kHz rise by one, too.
@@ -98,7 +98,7 @@ def counts_rows(name: str, values: FloatArray) -> bool:
 
 
 def _guessed(name: str, finite: FloatArray, raw: bool) -> tuple[str, str]:
-    """The unit that the values leave, and how it is told. Raises RecordingError where they leave several or none."""
+    """Return the only unit that fits the values, and its source. Raises RecordingError if several or none fit."""
     steps = np.diff(finite)
     steps = steps[steps > 0.0]
     if not steps.size:
@@ -117,7 +117,7 @@ def _guessed(name: str, finite: FloatArray, raw: bool) -> tuple[str, str]:
     if len(fits) > 1 and not raw:
         slower, quicker = fits[0], fits[1]
         whole = bool(np.all(finite == np.rint(finite)))
-        # A count of rows has steps of one; what is slow may be seconds after all, unless the log is hours long.
+        # A count of rows has steps of one; slow rows may still be in seconds, unless the log is hours long.
         long = step > 1.0 and float(np.ptp(finite)) > _LONG_S if slower == "s" else True
         if whole and long and step * TIME_UNITS[slower] >= _TOO_SLOW_S:
             taken = step * TIME_UNITS[quicker] * 1e3

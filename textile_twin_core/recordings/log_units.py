@@ -28,7 +28,7 @@ QUANTITY_UNITS = {
 
 BRACKETS = r"[\[(（【][^\])）】]*[\])）】]"
 _MILLI = ("ms", "mm", "mm/s", "mN m")
-"""Units that begin with a prefix which means mega when it is written large."""
+"""Units whose prefix means mega in upper case."""
 _SPELLINGS = {
     "nm": "N m", "n*m": "N m", "n·m": "N m", "n.m": "N m", "ncm": "N cm", "nmm": "N mm", "knm": "kN m",
     "danm": "daN m", "lbft": "lbf ft", "ftlb": "lbf ft", "ftlbf": "lbf ft", "lbin": "lbf in", "inlb": "lbf in",
@@ -48,7 +48,7 @@ _SPELLINGS = {
 
 
 INDEX = re.compile(r"\[(\d{1,2}|'[^']*'|\"[^\"]*\")\]")
-"""An element of a list, as `effort[0]` and `effort['main_shaft']` name it; no unit. Counts of a turn are more."""
+"""Element of a list, as in `effort[0]` and `effort['main_shaft']`, not a unit. Counts of a turn have more digits."""
 _MULTIPLE = re.compile(
     r"(?P<number>\d+([.,]\d+)?(e[+-]?\d+)?|1/\d+)\s*[*·×x]?\s*(?P<unit>[^\d\s/*·×.,-].*)", re.IGNORECASE
 )
@@ -56,7 +56,7 @@ _MULTIPLE = re.compile(
 
 
 def spelled(unit: str) -> str:
-    """A unit as the tables here write it; as it was where it is none that is known, or m may be milli or mega."""
+    """Return a unit in the spelling of these tables; unchanged if it is unknown, or m may be milli or mega."""
     plain = unit.strip()
     multiple = _MULTIPLE.fullmatch(plain)
     if multiple is not None and plain.lower() not in _SPELLINGS:
@@ -68,7 +68,7 @@ def spelled(unit: str) -> str:
     found = _SPELLINGS.get(lower) or squeezed.get(lower.replace(" ", "")) or _SPELLINGS.get(bare) or plain
     if found not in _MILLI or plain[0] == "m":
         return found
-    # A name in capitals throughout keeps no case: no machine's log has megametres, but MNM may be either.
+    # A name all in capitals has lost its case: no machine's log has megametres, but MNM may be either.
     if found == "mN m":
         return "MN m" if plain.endswith("m") else plain
     return found if plain.isupper() else plain
@@ -80,7 +80,7 @@ def _number(text: str) -> float:
 
 
 def unit_factor(unit: str, units: Mapping[str, float]) -> float | None:
-    """SI units per unit, of a table of units or a multiple of one (`0.1 deg`); None for one that is not in the table.
+    """Return SI units per unit, for a unit of a table or a multiple of it (`0.1 deg`); None for any other.
 
     Example:
         >>> unit_factor("10 N cm", TORQUE_UNITS)
@@ -96,7 +96,7 @@ def unit_factor(unit: str, units: Mapping[str, float]) -> float | None:
 
 
 def unit_in_name(name: str) -> str:
-    """The unit in a column's name: 'Torque [Ncm]', 'angle (deg)', 'theta_rad', 'time_s'; '' when there is none."""
+    """Return the unit in a column's name: 'Torque [Ncm]', 'angle (deg)', 'theta_rad', 'time_s'; '' without one."""
     name = INDEX.sub(" ", name).strip() or name
     bracket = re.search(BRACKETS, name)
     if bracket:
@@ -108,12 +108,12 @@ def unit_in_name(name: str) -> str:
 
 
 def is_unit(text: str) -> bool:
-    """Whether a text is a unit that is known, in any spelling, with or without brackets."""
+    """Return true if a text is a known unit, in any spelling, with or without brackets."""
     bare = text[1:-1] if re.fullmatch(BRACKETS, text) else text
     return base_unit(spelled(bare)) in {*TIME_UNITS, *ANGLE_TURNS, *SPEED_UNITS, *TORQUE_UNITS, *QUANTITY_UNITS}
 
 
 def base_unit(unit: str) -> str:
-    """The unit of which another is a multiple."""
+    """Return the unit of which another is a multiple."""
     number, _, rest = unit.partition(" ")
     return rest if rest and re.fullmatch(r"[\d.e+-]+", number) else unit

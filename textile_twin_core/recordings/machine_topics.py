@@ -42,7 +42,7 @@ class MachineTopics:
         joint: Joint of JointState topics.
         index: Topic of index pulses, first looked up in the namespace of the angle; None without pulses.
         angle_unit_rad, torque_unit_Nm: Value of one unit of each topic [rad], [N m].
-        skip_bad: Discard samples that are not finite or whose stamps jump ahead; otherwise they are errors.
+        skip_bad: Discard samples that are not finite or have stamps far ahead; otherwise they are errors.
     """
 
     angle: str = ANGLE_TOPIC
@@ -60,7 +60,7 @@ class MachineTopics:
 
         Raises:
             SceneError: The encoder cannot count these edges.
-            RecordingError: An angle is not finite or a stamp jumps ahead, unless `skip_bad`; or no angle is finite.
+            RecordingError: An angle is not finite or a stamp far ahead, unless `skip_bad`; or no angle is finite.
         """
         angles = self._in_radians(bag, encoder)
         bad = np.flatnonzero(~np.isfinite(angles.angles_rad))
@@ -89,7 +89,7 @@ class MachineTopics:
         return replace(angles, angles_rad=angles_rad)
 
     def read_second_angles(self, bag: Bag) -> AngleSamples | None:
-        """The angles of the second encoder as it measures them; None where the recording has none."""
+        """Read the angles as measured by the second encoder; None if the recording has none."""
         topic = beside(bag, bag.find_topic(self.angle).name, SECOND_ANGLE_TOPIC)
         if topic not in bag.topics and f"/{topic}" not in bag.topics:
             return None
@@ -101,7 +101,7 @@ class MachineTopics:
         return beside(bag, bag.find_topic(self.angle).name, self.torque)
 
     def read_torques(self, bag: Bag) -> TorqueSamples:
-        """Read the measured torques; `skip_bad` discards those whose stamps jump ahead."""
+        """Read the measured torques; `skip_bad` discards those with stamps far ahead."""
         measured = bag.read_torques(self.torque_in(bag), self.joint, self.torque_unit_Nm)
         ahead = stamps_ahead(measured.stamps) if self.skip_bad else ()
         if not len(ahead):

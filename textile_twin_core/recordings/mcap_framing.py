@@ -89,7 +89,7 @@ class Framing:
             yield pending
 
     def _head(self, at: int) -> tuple[int, int | None]:
-        """Return opcode and end of the record at a position; the end is None if the record is not valid."""
+        """Return opcode and end of the record at a position; for an invalid record the end is None."""
         opcode, length = _HEAD.unpack_from(self._file, at)
         after: int = at + 9 + length
         if opcode == Opcode.CHUNK:
@@ -131,7 +131,7 @@ class Framing:
         return opcode in _KNOWN and at + 9 + length <= self._size
 
     def _search(self, at: int) -> int | None:
-        """Find the next certain record; None if there is none.
+        """Find the next certain record; None without one.
 
         Unchunked messages count as records only in files without chunks, since messages of a lost chunk are no
         longer protected

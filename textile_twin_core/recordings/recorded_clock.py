@@ -1,4 +1,4 @@
-"""Faulty clocks of recorded samples: stamps that jump ahead, and stamps after the clock was set back."""
+"""Faulty clocks of recorded samples: stamps far ahead, and stamps after the clock was set back."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _SET_BACK_S = 1.0
 """Least backward step of a clock that was set back [s]."""
 _FEW = 10
 _FEWER = 0.9
-"""Largest ratio of early to late samples for stamps that jump ahead; a clock set back gives a ratio near 1."""
+"""Largest ratio of early to late samples for stamps far ahead; a clock set back gives a ratio near 1."""
 _MANY_LATE = 0.01  # share of late samples above which the user is warned
 
 
@@ -75,7 +75,7 @@ def _set_back_at(stamps: IntArray) -> tuple[int, float] | None:
 
 
 def stamps_ahead(stamps: IntArray) -> IntArray:
-    """Find samples whose stamps jump ahead of later ones, if discarding them rescues many late samples: (m,) indices.
+    """Find samples with stamps far ahead of later ones, if discarding them saves many late samples: (m,) indices.
 
     Otherwise one wrong stamp would discard all samples up to its time.
     """

@@ -18,11 +18,11 @@ _FILE_S = 5.0
 class RollingRecording:
     """A live recording in files of five seconds whose old files are removed.
 
-    It lies on the disk and not in memory: a process that is killed loses what it had not flushed, and the process
-    that follows finds the rest.
+    It lies on the disk and not in memory: a process that is killed loses only unflushed data, and the next process
+    finds the others.
 
     Args:
-        folder: takes one recording for each run of the process.
+        folder: place of one recording for each run of the process.
 
     Raises:
         OSError, OutputError: nothing can be written there.
@@ -37,13 +37,13 @@ class RollingRecording:
         """Complete this run's recording.
 
         Raises:
-            OutputError: the disk takes no more.
+            OutputError: the disk is full.
         """
         with self.writer:
             pass
 
     def abandon(self) -> None:
-        """Leave this run's recording as it is on the disk, as where the disk takes no more."""
+        """Leave this run's recording as it is on the disk, for a full disk."""
         with suppress(Exception):
             self.close()
 
@@ -64,14 +64,14 @@ class RollingRecording:
         first: Iterable[tuple[str, bytes]] = (),
         custom_data: Mapping[str, str] | None = None,
     ) -> int:
-        """Write the messages of all runs between two log times as a recording; the number of messages.
+        """Write the messages of all runs between two log times as a recording; return the number of messages.
 
         The recording appears whole or not at all; one without a message is not written.
 
         Args:
             begin_ns, end_ns: log times.
             path: folder to write.
-            first: topics and messages that come before all others, as of latched topics.
+            first: topics and messages to write before all others, such as those of latched topics.
             custom_data: entries of its metadata.yaml.
 
         Raises:
@@ -102,7 +102,7 @@ class RollingRecording:
 
 
 def _opened(run: Path) -> Bag | None:
-    """A run's recording; None where nothing of it came onto the disk."""
+    """Open a run's recording; None if no part of it reached the disk."""
     try:
         return open_bag(run)
     except RecordingError:

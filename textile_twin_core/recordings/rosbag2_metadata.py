@@ -155,7 +155,7 @@ def information(
 def write(folder: Path, info: dict[str, Any]) -> None:
     """Write metadata.yaml into the folder: whole and on the disk, also before a power loss, or not at all.
 
-    Raises OSError when the disk takes no more.
+    Raises OSError when the disk is full.
     """
     file = folder / "metadata.yaml"
     partial = partial_path(file)
