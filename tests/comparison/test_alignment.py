@@ -42,7 +42,7 @@ def test_parabola_stays_exact_up_to_a_jump_from_both_sides() -> None:
     parabola = 1.0 - time + 3.0 * time**2
     track, jumps = build_track(time, parabola + step, theta, [event])
     assert jumps == (True,)
-    np.testing.assert_allclose(track.jump_time_s, (event / (2 * np.pi) + np.arange(4)) / 4.0, atol=1e-12)
+    np.testing.assert_allclose(track.step_time_s, (event / (2 * np.pi) + np.arange(4)) / 4.0, atol=1e-12)
     # Up to the undeclared fall at angle zero.
     at = np.linspace(0.01, 0.24, 2000)
     index, _ = track.piece(at)
@@ -58,7 +58,7 @@ def test_a_kink_is_followed_to_its_tip() -> None:
     tip = 2.0003
     track, jumps = build_track(time, 17.0 * np.abs(np.sin(theta - tip)), theta, [tip])
     assert jumps == (False,)
-    assert track.jump_time_s.size == 0
+    assert track.step_time_s.size == 0
     at = np.linspace(0.30, 0.34, 4001)
     torque, _ = track.torque_at(at, track.piece(at)[0])
     assert np.max(np.abs(torque - 17.0 * np.abs(np.sin(2 * np.pi * at - tip)))) < 2e-5
@@ -77,7 +77,7 @@ def test_guard_widens_what_lies_beside_a_jump() -> None:
     track, _ = build_track(time, np.where(theta >= 3.0, 5.0, 0.0) + 0.1 * time, theta, [3.0])
     instant = 3.0 / (2 * np.pi)
     at = instant + np.array([-0.011, -0.009, 0.009, 0.011])
-    assert track.near_jump(at, 0.01).tolist() == [False, True, True, False]
+    assert track.near_step(at, 0.01).tolist() == [False, True, True, False]
 
 
 def test_finds_crossings_also_when_the_shaft_turns_backwards() -> None:
@@ -86,8 +86,8 @@ def test_finds_crossings_also_when_the_shaft_turns_backwards() -> None:
     torque = np.where(np.mod(theta, 2 * np.pi) > 2.0, 0.0, 7.0) + 0.01 * time
     track, jumps = build_track(time, torque, theta, [2.0])
     assert jumps == (True,)
-    assert track.jump_time_s.size == 3
-    np.testing.assert_allclose(np.mod(-18.849555921538759 * track.jump_time_s, 2 * np.pi), 2.0, atol=1e-9)
+    assert track.step_time_s.size == 3
+    np.testing.assert_allclose(np.mod(-18.849555921538759 * track.step_time_s, 2 * np.pi), 2.0, atol=1e-9)
 
 
 def test_a_gap_is_found() -> None:

@@ -31,11 +31,11 @@ def turning(turns: float, a_turn: float, seed: int = 1, run_up: bool = False) ->
 def test_a_wrapped_angle_shows_its_unit(turn: float, told: str, a_turn: float, direction: int, run_up: bool) -> None:
     angle = np.mod(direction * turning(8.0, a_turn, run_up=run_up), TURN) * (turn / TURN)
     seen = other_unit(np.floor(angle) if turn > 400.0 else angle)
-    assert seen is not None and seen.told == told
+    assert seen is not None and seen.option == told
     assert seen.to_radians == pytest.approx(TURN / turn) == radians_of(told)
     if turn == 360.0:
         about_zero = other_unit(np.where(angle > 180.0, angle - 360.0, angle))
-        assert about_zero is not None and about_zero.told == "deg"
+        assert about_zero is not None and about_zero.option == "deg"
 
 
 @pytest.mark.parametrize("run_up", [False, True])
@@ -47,13 +47,13 @@ def test_round_counts_are_not_taken_for_powers_of_two(counts: int, a_turn: float
     angle = np.mod(turning(12.0, a_turn, seed=counts, run_up=run_up), TURN) * (counts / TURN)
     for whole in (np.floor(angle), np.rint(angle)):
         seen = other_unit(whole)
-        assert seen is not None and seen.told == str(counts) and f"anew at {counts} " in seen.instead
+        assert seen is not None and seen.option == str(counts) and f"anew at {counts} " in seen.instead
 
 
 @pytest.mark.parametrize("counts", [1250, 1440, 8640])
 def test_counts_of_more_digits_are_told_by_the_readings(counts: int) -> None:
     seen = other_unit(np.floor(np.mod(turning(12.0, 2.0 * counts), TURN) * (counts / TURN)))
-    assert seen is not None and seen.told == str(counts)
+    assert seen is not None and seen.option == str(counts)
 
 
 def radians() -> dict[str, np.ndarray]:

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import textile_twin_core as ttc
-from textile_twin_core.comparison.residual import Residual, ResidualStream, load_jumps
+from textile_twin_core.comparison.residual import Residual, ResidualStream, load_steps
 
 MS = 1_000_000
 
@@ -124,6 +124,6 @@ def test_memory_is_bounded() -> None:
 def test_the_load_of_the_tufting_machine_jumps_at_entry_and_exit() -> None:
     twin = ttc.compile(ttc.machines.tufting(), outputs=["balancing_torque_Nm"])
     # Entry and exit of the needle at 557.84 mm (Xu et al. 2016).
-    np.testing.assert_allclose(np.rad2deg(load_jumps(twin)), [21.9512, 193.9262], atol=5e-4)
+    np.testing.assert_allclose(np.rad2deg(load_steps(twin)), [21.9512, 193.9262], atol=5e-4)
     free = ttc.compile(ttc.machines.tufting(backing_force_N=0.0), outputs=["balancing_torque_Nm"])
-    assert load_jumps(free) == ()
+    assert load_steps(free) == ()

@@ -41,7 +41,7 @@ def record(seed: int, errors: str) -> tuple[TorqueModel, ShaftTrack, dict[str, f
     evidence = Evidence(TIME, torque, track, TorqueTerms(machine), 20.0)
     model = TorqueModel(evidence, machine, 1, 0.002)
     excess = excess_of(track, TIME, np.mod(theta + 3e-4 * rng.standard_normal(TIME.size), TURN), TURN)
-    steady = repeating_motion(track, 1, evidence.rest_rad_s, excess)
+    steady = repeating_motion(track, 1, evidence.slow_rad_s, excess)
     values = model.start()
     away = ~model.near_event(theta, values, 0.02)
     return model, steady, values, away

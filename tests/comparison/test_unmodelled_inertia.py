@@ -29,7 +29,7 @@ def planned(case: Case) -> Readings:
     return Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
 
 
-def governed(
+def speed_controlled(
     case: Case,
     gain_Nms: float,
     late_s: float = 0.0,
@@ -73,7 +73,7 @@ def test_the_torque_sensor_gets_no_gain_of_it() -> None:
 def test_under_a_controller_of_the_speed_it_is_no_delay(machine: str) -> None:
     """The torque is then 25 ms late by the looks of it, and a tufting machine's sign was found reversed."""
     case = heavier(machine)
-    readings = governed(case, 2.0)
+    readings = speed_controlled(case, 2.0)
     found = assess(readings, told_machine(case))
     assert inertia(found) == pytest.approx(ADDED_KGM2, rel=0.04)
     assert {each.cause for each in found.verdict} <= {"unmodelled_inertia", "clocks_drift"}
@@ -91,7 +91,7 @@ def test_under_a_controller_of_the_speed_it_is_no_delay(machine: str) -> None:
 def test_thirty_times_the_own_inertia_is_told_where_the_acceleration_leaps_with_the_load(gain_Nms: float) -> None:
     """Errors of the estimated acceleration, as torque, were larger than all that the machine's torque varies."""
     case = replace(heavier("tufting"), added_inertia_kgm2=0.2)
-    found = assess(governed(case, gain_Nms), told_machine(case))
+    found = assess(speed_controlled(case, gain_Nms), told_machine(case))
     assert inertia(found) == pytest.approx(0.2, rel=0.02)
     assert len(found.verdict) == 1
     assert found.verdict[0].sigma < 0.005 and "for each ms" in found.verdict[0].text
@@ -101,7 +101,7 @@ def test_thirty_times_the_own_inertia_is_told_where_the_acceleration_leaps_with_
 def test_beside_a_sign_that_is_reversed_both_are_told() -> None:
     """A gain, the loads, friction and a zero of 144 degrees explain nearly as much of such a torque."""
     case = replace(heavier("tufting"), added_inertia_kgm2=0.2)
-    readings = governed(case, 2.0)
+    readings = speed_controlled(case, 2.0)
     sign, added = assess(replace(readings, torque=-readings.torque), told_machine(case)).verdict
     assert (sign.cause, added.cause) == ("torque_sign", "unmodelled_inertia")
     assert added.value == pytest.approx(0.2, rel=0.02)
@@ -111,7 +111,7 @@ def test_beside_a_sign_that_is_reversed_both_are_told() -> None:
 def test_at_one_speed_it_is_named_together_with_the_delay() -> None:
     """A stiff controller's torque lags by the inertia over its gain, 1.25 ms: one speed does not separate the two."""
     case = heavier("loom")
-    (cause,) = assess(governed(case, 40.0, speeds=(14.0, 14.0)), told_machine(case)).verdict
+    (cause,) = assess(speed_controlled(case, 40.0, speeds=(14.0, 14.0)), told_machine(case)).verdict
     assert cause.cause == "unmodelled_inertia" and "sensors.torque.delay_s" in cause.equivalents
     assert cause.value == pytest.approx(ADDED_KGM2, abs=3.0 * cause.sigma) and cause.sigma < 0.2 * ADDED_KGM2
 
@@ -133,7 +133,7 @@ def test_a_shaft_that_turns_back_has_the_speed_of_its_way() -> None:
 def test_the_one_of_a_little_inertia_and_a_delay_names_the_other(added_kgm2: float, late_s: float, right: str) -> None:
     """Under a controller of 2 N m s an inertia of 0.005 kg m2 acts as a delay of 2.5 ms."""
     case = replace(heavier("loom"), added_inertia_kgm2=added_kgm2)
-    (cause,) = assess(governed(case, 2.0, late_s), told_machine(case)).verdict
+    (cause,) = assess(speed_controlled(case, 2.0, late_s), told_machine(case)).verdict
     assert cause.cause == right and cause.value == pytest.approx(added_kgm2 or late_s, abs=3.0 * cause.sigma)
     assert ("kg m2" in cause.text and "late" in cause.text) or "lags" in cause.text
 
@@ -142,5 +142,5 @@ def test_the_one_of_a_little_inertia_and_a_delay_names_the_other(added_kgm2: flo
 def test_late_stamps_under_a_controller_accuse_nobody(machine: str, gain_Nms: float) -> None:
     """Errors of single accelerations, a part of the torque, lessen it: a gain of 0.944 +- 0.005 and stronger loads."""
     case = healthy(machine, 1, duration_s=24.0)
-    found = assess(governed(case, gain_Nms, jitter_s=3e-4), told_machine(case))
+    found = assess(speed_controlled(case, gain_Nms, jitter_s=3e-4), told_machine(case))
     assert not found.verdict and found.explained > 0.9

@@ -12,7 +12,7 @@ from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 TWO_PI = 2.0 * np.pi
 
 #: The torque is discontinuous at an event where its step is this many times the steps beside the event.
-JUMP_RATIO = 5.0
+STEP_RATIO = 5.0
 
 #: Two predictions or states further apart than this many usual steps (see `usual_step`) have a gap between them.
 GAP_PERIODS = 5.0
@@ -53,7 +53,7 @@ class Track:
         start_Nm, end_Nm, start_slope, end_slope: (p,) torque [N m] and slope [N m/s] at each piece's ends.
         after_sample: (p,) the prediction at or before each piece.
         blocked: (p,) true in gaps and in intervals with more than one event: no interpolation there.
-        jump_time_s: (j,) instants of the discontinuities of the torque, increasing.
+        step_time_s: (j,) instants of the discontinuities of the torque, increasing.
     """
 
     edge_s: FloatArray
@@ -64,7 +64,7 @@ class Track:
     end_slope: FloatArray
     after_sample: IntArray
     blocked: BoolArray
-    jump_time_s: FloatArray
+    step_time_s: FloatArray
 
     def piece(self, time_s: FloatArray) -> tuple[IntArray, BoolArray]:
         """Return the index of the piece at each time (m,), and true where the time lies within the track."""
@@ -101,13 +101,13 @@ class Track:
             theta[part] = self.theta_rad[here] * (1.0 - u) + self.theta_rad[here + 1] * u
         return theta
 
-    def near_jump(self, time_s: FloatArray, guard_s: float) -> BoolArray:
+    def near_step(self, time_s: FloatArray, guard_s: float) -> BoolArray:
         """Return true for each time (m,) within `guard_s` of a discontinuity of the torque."""
         near = np.zeros(time_s.size, dtype=np.bool_)
-        for part in parts(time_s.size if self.jump_time_s.size else 0):
-            after = np.searchsorted(self.jump_time_s, time_s[part])
+        for part in parts(time_s.size if self.step_time_s.size else 0):
+            after = np.searchsorted(self.step_time_s, time_s[part])
             for k in (after - 1, after):
-                jump = self.jump_time_s[np.clip(k, 0, self.jump_time_s.size - 1)]
+                jump = self.step_time_s[np.clip(k, 0, self.step_time_s.size - 1)]
                 near[part] |= np.abs(jump - time_s[part]) <= guard_s
         return near
 
@@ -118,7 +118,7 @@ def build_track(
     """Build the track of (n,) predictions, n >= 2; also return for each event whether the torque is discontinuous.
 
     The shaft passes an event where its angle crosses the event's, in either direction. The torque is discontinuous
-    there if its median step exceeds `JUMP_RATIO` times the median step of the neighbouring intervals, as at
+    there if its median step exceeds `STEP_RATIO` times the median step of the neighbouring intervals, as at
     the needle's entry into the backing, but not at its turning point.
     """
     step = np.diff(time_s)
@@ -134,14 +134,14 @@ def build_track(
     jumps = tuple(jump for *_, jump in found)
     crossing = np.concatenate([np.empty(0, dtype=np.int64), *(place for place, *_ in found)])
     instant = np.concatenate([np.empty(0), *(when for _, when, _ in found)])
-    is_jump = np.concatenate([np.empty(0, dtype=np.bool_), *(np.full(place.size, jump) for place, _, jump in found)])
-    jump_time = np.sort(instant[is_jump])
+    is_step = np.concatenate([np.empty(0, dtype=np.bool_), *(np.full(place.size, jump) for place, _, jump in found)])
+    jump_time = np.sort(instant[is_step])
     events_in = np.bincount(crossing, minlength=step.size)
     blocked = gap | (events_in > 1)
     whole = (events_in[crossing] == 1) & (instant > time_s[crossing]) & (instant < time_s[crossing + 1])
     order = np.flatnonzero(whole)[np.argsort(instant[whole])]
     return _cut(
-        time_s, torque_Nm, theta_rad, blocked, (crossing[order], instant[order], is_jump[order]), jump_time
+        time_s, torque_Nm, theta_rad, blocked, (crossing[order], instant[order], is_step[order]), jump_time
     ), jumps
 
 
@@ -154,7 +154,7 @@ def _steps_over(torque_Nm: FloatArray, crossing: IntArray) -> bool:
     before = np.abs(torque_Nm[inner] - torque_Nm[inner - 1])
     after = np.abs(torque_Nm[inner + 2] - torque_Nm[inner + 1])
     floor = 1e-6 * float(np.max(np.abs(torque_Nm)))
-    return bool(np.median(across) > JUMP_RATIO * max(float(np.median(np.maximum(before, after))), floor))
+    return bool(np.median(across) > STEP_RATIO * max(float(np.median(np.maximum(before, after))), floor))
 
 
 def _cut(
@@ -163,10 +163,10 @@ def _cut(
     theta_rad: FloatArray,
     blocked: BoolArray,
     events: tuple[IntArray, FloatArray, BoolArray],
-    jump_time_s: FloatArray,
+    step_time_s: FloatArray,
 ) -> Track:
     """Cut intervals at the events (interval, instant, discontinuous or not), at most one event in each."""
-    crossing, instant, is_jump = events
+    crossing, instant, is_step = events
     closed = blocked.copy()
     closed[crossing] = True
     slope, curve_before, curve_after = _slopes(np.diff(time_s), torque_Nm, closed)
@@ -178,7 +178,7 @@ def _cut(
     left_slope = slope[crossing] + 2.0 * ahead * curve_before[crossing]
     right_slope = slope[crossing + 1] + 2.0 * back * curve_after[crossing + 1]
     middle = 0.5 * (left + right)  # at a kink both sides have the same torque
-    left, right = np.where(is_jump, left, middle), np.where(is_jump, right, middle)
+    left, right = np.where(is_step, left, middle), np.where(is_step, right, middle)
 
     sample = np.arange(time_s.size - 1)
     after_sample = np.sort(np.concatenate([sample, crossing]))
@@ -203,7 +203,7 @@ def _cut(
         end_slope=end_slope,
         after_sample=after_sample,
         blocked=blocked[after_sample],
-        jump_time_s=jump_time_s,
+        step_time_s=step_time_s,
     )
 
 

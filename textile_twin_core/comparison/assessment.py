@@ -10,14 +10,14 @@ import numpy as np
 
 from textile_twin_core.comparison.elastic_hypothesis import RIGID_NOTE, elastic_cause, elastic_hypothesis
 from textile_twin_core.comparison.evidence import REST_SHARE, Evidence, Settings
-from textile_twin_core.comparison.governed import torque_by_speed
-from textile_twin_core.comparison.leaps import leaps_of, parts_between, without_turns
 from textile_twin_core.comparison.periodic import best_periodic
 from textile_twin_core.comparison.range_ends import at_range_ends, range_end_note
 from textile_twin_core.comparison.readings import FEWEST_TURNS, AngleUnit, Readings, angle_unit, samples_per_turn
-from textile_twin_core.comparison.rest import standstills
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack, shaft_track
+from textile_twin_core.comparison.slips import parts_between, slips_of, without_turns
+from textile_twin_core.comparison.speed_control import torque_by_speed
 from textile_twin_core.comparison.stamp_timing import burst_verdict
+from textile_twin_core.comparison.standstill import standstills
 from textile_twin_core.comparison.torque_terms import TorqueTerms
 from textile_twin_core.comparison.verdict import NOT_THIS_MACHINE, Cause, Quantity, causes, quantities
 from textile_twin_core.inference.measurement import Hypothesis
@@ -33,7 +33,7 @@ LONGEST_DELAY_S = 1.0
 _MOST_GOVERNED = 60_000
 OTHER_UNITS = (("degrees", 360.0), ("revolutions", 1.0))
 """Units tried for an angle that never wraps, when radians explain little."""
-SOME_LEAPS = 3
+SOME_SLIPS = 3
 """Fewest slips of the angle that are reported: a single one is a fault that `FaultWatch` names."""
 _FEWEST_ANGLES = 64
 """Fewest angles beside torque that show the unit by themselves."""
@@ -90,7 +90,7 @@ class Judged:
         evidence: the record. posterior: of the record, by samples or block averages.
         ratio: of the encoder over the configured one. encoder_turn_rad: shaft angle of a turn of the encoder.
         explained: share of the torque's variance that the values of the posterior explain, sample by sample.
-        governed_Nms: fall of the torque with the speed; where it is not 0, delay and inertia look alike.
+        torque_by_speed_Nms: fall of the torque with the speed; where it is not 0, delay and inertia look alike.
     """
 
     evidence: Evidence
@@ -98,7 +98,7 @@ class Judged:
     ratio: float
     encoder_turn_rad: float
     explained: float
-    governed_Nms: float
+    torque_by_speed_Nms: float
 
     @cached_property
     def unexplained(self) -> float:
@@ -139,7 +139,7 @@ class Judged:
     @cached_property
     def settled(self) -> Settled:
         """Estimates of sensors and friction, given the machine file and its tolerances."""
-        return settle(self.posterior, settled_sensors(self.posterior, self.evidence.turns_both_ways()))
+        return settle(self.posterior, settled_sensors(self.posterior, self.evidence.turns_in_both_directions()))
 
     @cached_property
     def settings(self) -> Settings:
@@ -171,7 +171,7 @@ def assess(readings: Readings, machine: Machine, track: ShaftTrack | None = None
     judged = _assess(readings, machine, track)
     judged = replace(judged, verdict=burst_verdict(readings.stamped, judged.verdict))
     if judged.unit.is_other and all(c.cause != "angle_unit" for c in judged.verdict):
-        note = f"{judged.unit.instead}: tell it with --angle-unit {judged.unit.told}"
+        note = f"{judged.unit.instead}: tell it with --angle-unit {judged.unit.option}"
         return replace(judged, notes=(*judged.notes, note))
     return judged
 
@@ -220,17 +220,17 @@ def _judged(
 ) -> Judged | None:
     """Infer the record's posterior; for another gear ratio estimate the shaft's motion again."""
     configured, ratio = hypothesis_of(machine), 1.0
-    posterior, governed = _inferred(evidence, machine, configured, RATIOS)
+    posterior, by_speed = _inferred(evidence, machine, configured, RATIOS)
     if posterior is None:
         return None
     beside = abs(posterior.hypothesis.turn / configured.turn)
     if abs(beside - 1.0) > 1e-9:
         evidence = gather(readings, machine, terms, unit, beside)
         again, ratio = replace(configured, turn=configured.turn / beside), beside
-        posterior, governed = _inferred(evidence, machine, again, (beside,))
+        posterior, by_speed = _inferred(evidence, machine, again, (beside,))
         if posterior is None:
             return None
-    return Judged(evidence, posterior, ratio, _encoder_turn(machine), posterior.explained, governed)
+    return Judged(evidence, posterior, ratio, _encoder_turn(machine), posterior.explained, by_speed)
 
 
 def _inferred(
@@ -242,16 +242,16 @@ def _inferred(
     over a tenth of a turn are not.
     """
     turning = evidence.in_blocks().thinned(_MOST_GOVERNED)
-    governed = torque_by_speed(turning, configured.delay_s)
+    by_speed = torque_by_speed(turning, configured.delay_s)
     rotor = not TabulatedTorque(machine, (), {}).depends_on_angle()
     if rotor:  # another ratio is the same as another inertia
         ratios = ratios[:1]
-    found = infer(record_of(evidence, bool(governed), rotor), machine, configured, ratios)
-    if found is not None and not governed:
-        governed = torque_by_speed(turning, found.hypothesis.delay_s + found.value(DELAY))
-        if governed:
+    found = infer(record_of(evidence, bool(by_speed), rotor), machine, configured, ratios)
+    if found is not None and not by_speed:
+        by_speed = torque_by_speed(turning, found.hypothesis.delay_s + found.value(DELAY))
+        if by_speed:
             found = infer(record_of(evidence, True, rotor), machine, configured, ratios)
-    return found, governed
+    return found, by_speed
 
 
 def record_of(evidence: Evidence, speed_controlled: bool = False, whole_turns: bool = False) -> Record:
@@ -271,7 +271,7 @@ def record_of(evidence: Evidence, speed_controlled: bool = False, whole_turns: b
         evidence.track,
         evidence.middle_s,
         evidence.working_speed(),
-        evidence.rest_rad_s,
+        evidence.slow_rad_s,
         standstills(evidence),
         evidence.track.at_one_speed,
         speed_controlled,
@@ -337,7 +337,7 @@ def evidence_of(
     fast = track.fast_rad_s
     beside = min(LONGEST_DELAY_S, 0.5 * TURN / fast) if fast > 0.0 else LONGEST_DELAY_S  # largest delay tried
     track = without_turns(track.between(time[0] - beside, time[-1] + beside), encoder_turn_rad)
-    track, leaps = _unbroken(track)
+    track, slips = _unbroken(track)
     # Drift and delay differ over the time in which the shaft turns; standstills may leave little of it.
     turning = track.time_s[np.abs(track.omega_rad_s) >= REST_SHARE * fast]
     middle = 0.5 * float(turning[0] + turning[-1]) if turning.size else 0.5 * float(time[0] + time[-1])
@@ -345,7 +345,7 @@ def evidence_of(
     _, omega, _, beside_angles = track.at(time)
     moving = beside_angles & (np.abs(omega) > REST_SHARE * fast)
     inside[moving] = ~at_range_ends(torque[moving])
-    return Evidence(time[inside], torque[inside], track, terms, middle, leaps, torque[~inside])
+    return Evidence(time[inside], torque[inside], track, terms, middle, slips, torque[~inside])
 
 
 def _unbroken(track: ShaftTrack) -> tuple[ShaftTrack, tuple[tuple[float, float], ...]]:
@@ -353,14 +353,14 @@ def _unbroken(track: ShaftTrack) -> tuple[ShaftTrack, tuple[tuple[float, float],
 
     A track that slips too often for a part to represent it is returned whole, without slips.
     """
-    by = leaps_of(track)
+    by = slips_of(track)
     parts = [_settled(track.between(*ends), track) for ends in parts_between(track)] if by.any() else []
     turns = [part.turns for part in parts]
     if not parts or max(turns) < max(_LEAST_PART * sum(turns), FEWEST_TURNS):
         return track, ()
     best = next(part for part, each in zip(parts, turns, strict=True) if each > _EQUAL * max(turns))
-    leaps = [(float(track.time_s[k + 1]), float(by[k])) for k in np.flatnonzero(by)]
-    return best, tuple(leaps)
+    slips = [(float(track.time_s[k + 1]), float(by[k])) for k in np.flatnonzero(by)]
+    return best, tuple(slips)
 
 
 def _settled(part: ShaftTrack, track: ShaftTrack) -> ShaftTrack:
@@ -388,7 +388,7 @@ def nothing_to_tell(evidence: Evidence) -> str:
             f" angle ({track.time_s[0]:.3f} .. {track.time_s[-1]:.3f} s) and torque ({evidence.time_s[0]:.3f} .."
             f" {evidence.time_s[-1]:.3f} s) must be of one clock"
         )
-    turning = np.abs(track.at(evidence.time_s)[1]) > evidence.rest_rad_s
+    turning = np.abs(track.at(evidence.time_s)[1]) > evidence.slow_rad_s
     if np.count_nonzero(usable & turning) < 64:
         return "the shaft hardly turns while torque is recorded; record at working speed"
     torque = evidence.torque_Nm[usable & turning]
@@ -431,17 +431,17 @@ def _notes(evidence: Evidence) -> tuple[str, ...]:
             f"{np.count_nonzero(gaps)} gaps in the shaft angle, {float(step[gaps].sum()):.2f} s in all, the longest"
             f" {longest:.2f} s: torque inside them does not count"
         )
-    if evidence.leaps:
+    if evidence.slips:
         first, last = evidence.track.time_s[[0, -1]].tolist()
-        told = ", ".join(f"{np.degrees(by):+.1f} deg at {at:.3f} s" for at, by in evidence.leaps[:_MOST_TOLD])
-        more = f" and {len(evidence.leaps) - _MOST_TOLD} times more" if len(evidence.leaps) > _MOST_TOLD else ""
+        told = ", ".join(f"{np.degrees(by):+.1f} deg at {at:.3f} s" for at, by in evidence.slips[:_MOST_TOLD])
+        more = f" and {len(evidence.slips) - _MOST_TOLD} times more" if len(evidence.slips) > _MOST_TOLD else ""
         notes.append(
             f"the shaft angle leaps as no shaft does, an encoder that slips or was set anew: {told}{more}, from the"
             f" first angle on; the verdict is of the part from {first:.2f} to {last:.2f} s alone"
         )
-    elif evidence.track.leaps >= SOME_LEAPS:
+    elif evidence.track.slips >= SOME_SLIPS:
         notes.append(
-            f"the shaft angle leaps {evidence.track.leaps} times as no shaft does, and torque there is wrong: an"
+            f"the shaft angle leaps {evidence.track.slips} times as no shaft does, and torque there is wrong: an"
             " encoder that slips, or a controller that is polled by another clock (--stamp-jitter, 0.3 of its cycle)"
         )
     return tuple(notes)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray, IntArray
-from textile_twin_core.comparison.by_turn import normals_by_turn, scores_by_turn
+from textile_twin_core.comparison.by_turn import turn_normals, turn_scores
 from textile_twin_core.comparison.uncertainty import pseudo_residuals
 
 _DRAWS = 400
@@ -29,7 +29,7 @@ def bootstrap_moves(slopes: FloatArray, residual: FloatArray, turn: IntArray) ->
     sizes = np.sqrt(np.mean(slopes**2, axis=0)) + 1e-300
     scaled = slopes / sizes
     turns, place = np.unique(turn, return_inverse=True)
-    normals, scores = normals_by_turn(scaled, place), scores_by_turn(scaled, left, place)
+    normals, scores = turn_normals(scaled, place), turn_scores(scaled, left, place)
     rng = np.random.default_rng(_SEED)
     drawn = rng.multinomial(turns.size, np.full(turns.size, 1.0 / turns.size), size=_DRAWS).astype(np.float64)
     total = np.einsum("dt,tij->dij", drawn, normals)

@@ -7,7 +7,7 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray, IntArray
 
 
-def normals_by_turn(columns: FloatArray, place: IntArray) -> FloatArray:
+def turn_normals(columns: FloatArray, place: IntArray) -> FloatArray:
     """Normal matrices (t, k, k) of columns (n, k); place: (n,) number of each sample's turn, from 0."""
     turns, count = int(place.max(initial=-1)) + 1, columns.shape[1]
     normals = np.empty((turns, count, count))
@@ -18,7 +18,7 @@ def normals_by_turn(columns: FloatArray, place: IntArray) -> FloatArray:
     return normals
 
 
-def scores_by_turn(columns: FloatArray, residual: FloatArray, place: IntArray) -> FloatArray:
+def turn_scores(columns: FloatArray, residual: FloatArray, place: IntArray) -> FloatArray:
     """Right sides (t, k) of the same turns, for residuals (n,)."""
     scores = np.empty((int(place.max(initial=-1)) + 1, columns.shape[1]))
     for k, column in enumerate(columns.T):

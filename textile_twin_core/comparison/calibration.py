@@ -224,7 +224,7 @@ def _ambiguous(assessment: Assessment, found: Judged, ratio: float) -> list[Ambi
                 "it takes a run-up, a coast-down or two speeds that differ by a fifth",
             )
         )
-    if found.governed_Nms:
+    if found.torque_by_speed_Nms:
         kept = "inertia" if ROTOR in p.departing else "delay"
         ambiguous.append(
             Ambiguity(

@@ -170,7 +170,7 @@ def _select(track: Track, time_s: FloatArray, ready: BoolArray) -> tuple[BoolArr
         ("no_prediction", ~inside),
         ("prediction_gap", track.blocked[piece]),
         ("not_settled", ~ready[piece]),
-        ("load_jump", track.near_jump(time_s, GUARD_S)),
+        ("load_jump", track.near_step(time_s, GUARD_S)),
     ):
         causes[cause] = int(np.count_nonzero(left & holds))
         left &= ~holds

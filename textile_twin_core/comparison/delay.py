@@ -42,7 +42,7 @@ class SensorFit:
 def usable(track: Track, time_s: FloatArray) -> tuple[BoolArray, FloatArray, FloatArray]:
     """Return true for the times (m,) that can be interpolated, and torque and slope there."""
     piece, inside = track.piece(time_s)
-    good = inside & ~track.blocked[piece] & ~track.near_jump(time_s, GUARD_S)
+    good = inside & ~track.blocked[piece] & ~track.near_step(time_s, GUARD_S)
     torque, slope = track.torque_at(time_s, piece)
     return good, torque, slope
 

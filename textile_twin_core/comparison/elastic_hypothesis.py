@@ -153,12 +153,12 @@ def _windows(evidence: Evidence, configured: Settings) -> list[_Window]:
     apart = np.abs(track.theta_rad[after] - track.theta_rad[after - 1])
     good = (time >= track.time_s[0]) & (time <= track.time_s[-1]) & (apart < _LONGEST_GAP_RAD)
     theta = configured.direction * configured.ratio * angle - configured.zero_rad
-    good &= np.abs(omega) > evidence.rest_rad_s
+    good &= np.abs(omega) > evidence.slow_rad_s
     time, theta, torque = time[good], theta[good], (evidence.torque_Nm[good] - configured.offset_Nm) / configured.gain
     if time.size < 2:
         return []
     way = configured.direction * configured.ratio
-    expected = evidence.terms.at(theta, way * omega[good], way * alpha[good], evidence.rest_rad_s).total
+    expected = evidence.terms.at(theta, way * omega[good], way * alpha[good], evidence.slow_rad_s).total
     both = np.stack([torque, expected], axis=1)
     sampling = 1.0 / float(np.median(np.diff(time)))
     part = np.floor((theta - theta[0]) / (TURN * _TURNS))

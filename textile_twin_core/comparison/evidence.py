@@ -77,10 +77,10 @@ class States:
 class Evidence:
     """Measured torque (m,) over time [s], the shaft's track, and the machine's parts of the torque.
 
-    leaps: time [s] and size [rad] of slips of the angle; the track begins or ends at one of them.
+    slips: time [s] and size [rad] of slips of the angle; the track begins or ends at one of them.
     at_ends_Nm: measured torques at an end of the sensor's range, left out of the others.
     block_s: width of the block averages (see `in_blocks`), or 0.
-    governed: the drive is speed-controlled, so its torque is continuous where the load is not.
+    speed_controlled: the drive is speed-controlled, so its torque is continuous where the load is not.
     """
 
     time_s: FloatArray
@@ -88,22 +88,22 @@ class Evidence:
     track: ShaftTrack
     terms: TorqueTerms
     middle_s: float
-    leaps: tuple[tuple[float, float], ...] = ()
+    slips: tuple[tuple[float, float], ...] = ()
     at_ends_Nm: FloatArray = field(default_factory=lambda: np.empty(0))
     block_s: float = 0.0
-    governed: bool = False
-    rest_rad_s: float = field(init=False)
+    speed_controlled: bool = False
+    slow_rad_s: float = field(init=False)
     _seen: dict[tuple[float, float], tuple[FloatArray, FloatArray, FloatArray, BoolArray]] = field(
         init=False, repr=False, compare=False, default_factory=dict
     )
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "rest_rad_s", REST_SHARE * self.track.fast_rad_s)
+        object.__setattr__(self, "slow_rad_s", REST_SHARE * self.track.fast_rad_s)
 
     def thinned(self, most: int = _MOST_SAMPLES, at_one_speed: bool = False) -> Evidence:
         """Take at most `most` samples, evenly over the time at which the shaft turns, or turns at working speed."""
         theta, omega, _, good = self.track.at(self.time_s)
-        wanted = np.abs(omega) > self.rest_rad_s
+        wanted = np.abs(omega) > self.slow_rad_s
         turning = np.flatnonzero(good & wanted)
         if at_one_speed:
             away = _mean_of_turn(theta[turning], omega[turning]) - self.working_speed()
@@ -114,10 +114,10 @@ class Evidence:
             turning = turning[np.linspace(0, turning.size - 1, most).astype(np.int64)]
         return replace(self, time_s=self.time_s[turning], torque_Nm=self.torque_Nm[turning])
 
-    def in_blocks(self, governed: bool = False, whole_turns: bool = False) -> Evidence:
+    def in_blocks(self, speed_controlled: bool = False, whole_turns: bool = False) -> Evidence:
         """Return a copy that is fitted by averages over a tenth of a turn, or a turn, at working speed."""
         width = TURN / (1.0 if whole_turns else _BLOCKS_A_TURN) / abs(self.working_speed())
-        return replace(self, block_s=width, governed=governed)
+        return replace(self, block_s=width, speed_controlled=speed_controlled)
 
     def weighed(self, values: FloatArray, good: BoolArray) -> tuple[FloatArray, BoolArray]:
         """Return values (m, k) at the samples or their block averages, as fitted, and a mask of the usable ones."""
@@ -140,20 +140,20 @@ class Evidence:
         turn = settings.direction * settings.ratio
         theta, omega, alpha = turn * theta - settings.zero_rad, turn * omega, turn * alpha
         # Friction sets in well below the speed from which samples count, so a small shift cannot switch all of it.
-        rest = 0.5 * settings.ratio * self.rest_rad_s
+        rest = 0.5 * settings.ratio * self.slow_rad_s
         terms = self.terms.at(theta, omega, alpha, rest)
         usable = good & (np.abs(omega) > 1.2 * rest) & np.isfinite(terms.total)
-        if self.governed:
+        if self.speed_controlled:
             terms = self._with_mean_load(terms, theta, omega, alpha)
             return States(theta, omega, alpha, terms, usable, np.zeros_like(usable))
-        sudden = self.terms.near_jump(theta, omega, _JUMP_GUARD_S)
+        sudden = self.terms.near_step(theta, omega, _JUMP_GUARD_S)
         # A block average holds both sides of a discontinuity and needs the samples just after it.
         return States(theta, omega, alpha, terms, usable if self.block_s else usable & ~sudden, sudden)
 
     def _with_mean_load(self, terms: Terms, theta: FloatArray, omega: FloatArray, alpha: FloatArray) -> Terms:
         """Average the load over each sample's interval: a speed-controlled drive smooths its discontinuities."""
         interval = float(np.median(np.diff(self.time_s)))
-        beside = np.flatnonzero(self.terms.near_jump(theta, omega, 0.5 * interval))
+        beside = np.flatnonzero(self.terms.near_step(theta, omega, 0.5 * interval))
         shift = interval * ((np.arange(_PARTS) + 0.5) / _PARTS - 0.5)
         angles = (theta[beside, None] + omega[beside, None] * shift).ravel()
         speeds, rates = np.repeat(omega[beside], _PARTS), np.repeat(alpha[beside], _PARTS)
@@ -178,7 +178,7 @@ class Evidence:
 
     def working_speed(self) -> float:
         """Usual speed of the shaft with its sign [rad/s]: the fast mode of the speeds of its turns."""
-        turning = np.abs(self.track.omega_rad_s) > self.rest_rad_s
+        turning = np.abs(self.track.omega_rad_s) > self.slow_rad_s
         if not turning.any():
             return math.nan
         omega = _mean_of_turn(self.track.theta_rad[turning], self.track.omega_rad_s[turning])
@@ -187,9 +187,9 @@ class Evidence:
         inside = (omega >= edges[place]) & (omega <= edges[place + 1])
         return float(np.median(omega[inside]))
 
-    def turns_both_ways(self) -> bool:
+    def turns_in_both_directions(self) -> bool:
         """Return true if the shaft turns a share of the time in each direction."""
-        omega = self.track.omega_rad_s[np.abs(self.track.omega_rad_s) > self.rest_rad_s]
+        omega = self.track.omega_rad_s[np.abs(self.track.omega_rad_s) > self.slow_rad_s]
         share = float(np.mean(omega > 0.0)) if omega.size else 0.0
         return 0.05 < share < 0.95
 

@@ -43,7 +43,7 @@ def worth_telling(band: Band, torque_Nm: float, least_share: float, least_phase_
     return np.array([2.0 * least_share, torque, least_share, least_phase_rad, 0.25, 0.7, lost, 0.2])
 
 
-def is_held(turns: TurnFeatures, band: Band, worth: FloatArray) -> bool:
+def agrees_with(turns: TurnFeatures, band: Band, worth: FloatArray) -> bool:
     """Return true if turns agree with a band."""
     away = np.abs(np.mean(band.rows(turns), axis=0) - band.mean)
     return bool(np.all(away < np.maximum(worth, _AS_USUAL * band.sigma / math.sqrt(turns.number.size))))
@@ -78,7 +78,7 @@ def named(turns: TurnFeatures, band: Band, worth: FloatArray) -> tuple[str, floa
     return ("noise", float(rows[_NOISE])) if rows[_NOISE] > worth[_NOISE] else ("", 0.0)
 
 
-def told(kind: str, size: float, turns: TurnFeatures, band: Band, speed_known: bool) -> tuple[str, str]:
+def alarm_text(kind: str, size: float, turns: TurnFeatures, band: Band, speed_known: bool) -> tuple[str, str]:
     """Return the kind and the text of the alarm for a fault of a kind and size that some turns show."""
     speed = float(np.mean(turns.speed_rad_s))
     against = kind == "constant_torque" and size * math.copysign(1.0, speed) < 0.0

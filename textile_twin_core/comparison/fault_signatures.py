@@ -9,7 +9,7 @@ import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.comparison.alignment import fast_speed
-from textile_twin_core.comparison.by_turn import normals_by_turn, scores_by_turn
+from textile_twin_core.comparison.by_turn import turn_normals, turn_scores
 from textile_twin_core.comparison.evidence import Settings
 from textile_twin_core.comparison.range_ends import RangeEnds
 from textile_twin_core.comparison.shaft_track import TURN
@@ -53,9 +53,9 @@ class TurnFeatures:
     normal: FloatArray
     right: FloatArray
 
-    def where(self, kept: BoolArray | slice) -> TurnFeatures:
+    def where(self, chosen: BoolArray | slice) -> TurnFeatures:
         """Select some of the turns."""
-        return TurnFeatures(**{name: getattr(self, name)[kept] for name in self.__dataclass_fields__})
+        return TurnFeatures(**{name: getattr(self, name)[chosen] for name in self.__dataclass_fields__})
 
     @staticmethod
     def joined(turns: Sequence[TurnFeatures]) -> TurnFeatures:
@@ -88,7 +88,7 @@ def turn_features(
     shifted = terms.at(theta + _PHASE_STEP, omega, alpha, rest).total
     slope = (shifted - torque) / _PHASE_STEP
     # At a discontinuity of the load the side is uncertain and a slope is meaningless.
-    good = np.isfinite(torque) & np.isfinite(torque_Nm) & ~terms.near_jump(theta, omega, 0.002, _JUMP_GUARD_RAD)
+    good = np.isfinite(torque) & np.isfinite(torque_Nm) & ~terms.near_step(theta, omega, 0.002, _JUMP_GUARD_RAD)
     good &= np.abs(omega) > rest
     whole = np.floor(theta / TURN).astype(np.int64)
     cut = np.zeros(good.size, np.bool_)
@@ -104,8 +104,8 @@ def turn_features(
     cut_off = cut_off[in_time].astype(np.int64)
     columns, left = columns[good], residual[good]
     count = np.bincount(place)
-    normal = normals_by_turn(columns, place) / count[:, None, None]
-    right = scores_by_turn(columns, left, place) / count[:, None]
+    normal = turn_normals(columns, place) / count[:, None, None]
+    right = turn_scores(columns, left, place) / count[:, None]
     sizes = _solved(normal, right)
     rest_of = left - np.einsum("nk,nk->n", columns, sizes[place])
     bins = np.minimum((np.mod(theta[good], TURN) * (BINS / TURN)).astype(np.int64), BINS - 1)

@@ -11,7 +11,15 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.comparison.fault_band import SERIES as SERIES
 from textile_twin_core.comparison.fault_band import Band, Departure, band_of
-from textile_twin_core.comparison.fault_naming import OF_SAMPLES, SIDE, evidence_of, is_held, named, told, worth_telling
+from textile_twin_core.comparison.fault_naming import (
+    OF_SAMPLES,
+    SIDE,
+    agrees_with,
+    alarm_text,
+    evidence_of,
+    named,
+    worth_telling,
+)
 from textile_twin_core.comparison.fault_signatures import TurnFeatures
 
 _GROWN, _TURNED = 2.0, 0.5
@@ -85,7 +93,7 @@ class FaultWatch:
         self._since: list[TurnFeatures] = []  # after the last alarm
         self._settling = False  # the band after the last alarm is not learnt yet
         self._calm: dict[str, int] = {}  # calm turns, by the kind of each standing fault
-        self._told: dict[str, Alarm] = {}  # the last of each kind
+        self._raised: dict[str, Alarm] = {}  # the last of each kind
         self._suspected = False
         self._evidence: list[TurnFeatures] = []
         self.latest = np.zeros(len(SERIES))
@@ -108,7 +116,7 @@ class FaultWatch:
     @property
     def standing(self) -> tuple[Alarm, ...]:
         """Alarms of the standing faults, in the order of `active`."""
-        return tuple(self._told[kind] for kind in self._calm)
+        return tuple(self._raised[kind] for kind in self._calm)
 
     @property
     def learnt_turns(self) -> TurnFeatures:
@@ -124,8 +132,8 @@ class FaultWatch:
         """
         self._learning = [learnt.where(slice(k, k + 1)) for k in range(learnt.number.size)]
         self._known = [self._departure(self._learning)]
-        self._told = {evidence_of(alarm.kind): alarm for alarm in standing}
-        self._calm = dict.fromkeys(self._told, 0)
+        self._raised = {evidence_of(alarm.kind): alarm for alarm in standing}
+        self._calm = dict.fromkeys(self._raised, 0)
         self._settling = bool(self._calm)
 
     def take(self, turns: TurnFeatures) -> tuple[list[Alarm], FloatArray]:
@@ -193,7 +201,7 @@ class FaultWatch:
     def _named(self, recent: TurnFeatures, band: Band) -> tuple[str, float]:
         """Name the fault that turns show; empty if they agree with a band from before an alarm."""
         for k, earlier in enumerate(self._known[:-1]):
-            if is_held(recent, earlier.band, self._worth(earlier.band)):
+            if agrees_with(recent, earlier.band, self._worth(earlier.band)):
                 self._go_back_to(k)
                 return "", 0.0
         kind, change = named(recent, band, self._worth(band))
@@ -205,7 +213,7 @@ class FaultWatch:
         speed_known = any(each.band.knows_speed(speed) for each in self._known)
         size = change
         if kind in self._calm:
-            before = self._told[kind].size
+            before = self._raised[kind].size
             size += before
             grown = size / before
             raised = kind != "profile" and (grown >= _GROWN or grown <= -_TURNED)  # a profile's size has no sign
@@ -216,11 +224,11 @@ class FaultWatch:
         self._since, self._settling = [], True
         if not raised:
             return
-        name, text = told(kind, size, evidence, against.band, speed_known)
+        name, text = alarm_text(kind, size, evidence, against.band, speed_known)
         turn, stamp = int(evidence.number[-1]), int(evidence.start_ns[-1])
         self._calm[kind] = 0
-        self._told[kind] = Alarm(name, SIDE[name], turn, stamp, size, float(against.away.max()), text)
-        alarms.append(self._told[kind])
+        self._raised[kind] = Alarm(name, SIDE[name], turn, stamp, size, float(against.away.max()), text)
+        alarms.append(self._raised[kind])
 
     def _settle(self, turn: TurnFeatures) -> None:
         """Learn the band while alarms stand, from the first like turns, and refine it with more of them."""

@@ -84,7 +84,9 @@ def identify_numbers(readings: Readings, machine: Machine, paths: Sequence[str],
     posterior = assessment.found.posterior
     _check(posterior, machine, paths)
     # Besides the paths only sensors and friction stay free; the file's other numbers count as known.
-    free = settled_sensors(posterior, assessment.found.evidence.turns_both_ways()) - set(_file_numbers(posterior))
+    free = settled_sensors(posterior, assessment.found.evidence.turns_in_both_directions()) - set(
+        _file_numbers(posterior)
+    )
     settled = settle(posterior, free | set(paths))
     tolerant, exact = {}, {}
     for path in paths:

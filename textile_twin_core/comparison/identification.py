@@ -119,9 +119,9 @@ def identify(readings: Readings, machine: Machine, begin: Begin = unheard) -> Id
     told = model.start()
     values = told | {DELAY: found.settings.delay_s, ZERO: _near(found.settings.zero_rad, told[ZERO])}
     values[GAIN] = found.settings.gain
-    free, lost = _tellable(model, values, found)
+    free, lost = _identifiable(model, values, found)
     smooth = tuple(name for name in free if name not in EVENTS)
-    steady = None if found.governed_Nms or found.whole_turns else _steady(readings, machine, evidence)
+    steady = None if found.torque_by_speed_Nms or found.whole_turns else _steady(readings, machine, evidence)
     orders = SLOW_ORDERS_OF_ROTOR if found.whole_turns else SLOW_ORDERS
     clean = clean_tracks(model.with_spread(_WIDEST_RAD), steady, values, smooth, orders)
     for each in lost:
@@ -177,7 +177,7 @@ def _near(angle: float, other: float) -> float:
     return other + float(np.remainder(angle - other + np.pi, 2.0 * np.pi) - np.pi)
 
 
-def _tellable(
+def _identifiable(
     model: TorqueModel, values: Mapping[str, float], found: Judged
 ) -> tuple[tuple[str, ...], list[NotIdentifiable]]:
     """Choose the identifiable parameters from their effects on the torque, before any fit."""
@@ -195,7 +195,7 @@ def _tellable(
     wide = model.with_spread(_WIDEST_RAD)
     effects = wide.jacobian(values, tuple(names))[wide.parts(values).good]
     free, more = identifiable(effects, names, GIVEN_UP_FIRST)
-    if found.governed_Nms and {INERTIA, DELAY} <= set(free):
+    if found.torque_by_speed_Nms and {INERTIA, DELAY} <= set(free):
         gone, partner = (DELAY, INERTIA) if ROTOR in found.posterior.departing else (INERTIA, DELAY)
         free.remove(gone)
         text = f"{gone} cannot be told from {partner} where the torque follows the speed; it stays as configured"
@@ -210,7 +210,7 @@ def _steady(readings: Readings, machine: Machine, evidence: Evidence) -> ShaftTr
     if not encoder.teeth:
         time: FloatArray = np.asarray((readings.angle_stamps_ns - readings.angle_stamps_ns[0]) * 1e-9, np.float64)
         excess = excess_of(track, time, readings.angle * encoder.ratio, TURN * encoder.ratio)
-    return repeating_motion(track, encoder.cycle_turns, evidence.rest_rad_s, excess)
+    return repeating_motion(track, encoder.cycle_turns, evidence.slow_rad_s, excess)
 
 
 def _solve(

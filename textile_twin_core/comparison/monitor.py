@@ -100,7 +100,7 @@ class Monitor:
     def advance(self, last: bool = False) -> Trend:
         """Watch the turns completed by now; return their trend and alarms."""
         trend = self._advance(last)
-        self._let_go()
+        self._limit_memory()
         return trend
 
     def _advance(self, last: bool) -> Trend:
@@ -155,7 +155,7 @@ class Monitor:
         late = (stamps - self._origin_ns) * 1e-9 - self._settings.delay_s > until_s
         self._torque = [(stamps[late], torque[late])]
 
-    def _let_go(self) -> None:
+    def _limit_memory(self) -> None:
         """Keep at most a minute of samples while no turn ends: at standstill, or with a silent sensor."""
         newest_ns: int | None = None
         if self._states and self._origin_ns is not None:

@@ -97,7 +97,7 @@ class QuantityComparison:
 
 
 class _Model:
-    """The machine's quantity at the instants of the samples; not known where the shaft is slower than `rest_rad_s`."""
+    """The machine's quantity at the instants of the samples; not known where the shaft is slower than `slow_rad_s`."""
 
     def __init__(
         self,
@@ -107,12 +107,12 @@ class _Model:
         time_s: FloatArray,
         direction: int,
         zero: float,
-        rest_rad_s: float,
+        slow_rad_s: float,
     ) -> None:
         self._twin, self._name, self._track, self._time = twin, name, track, time_s
-        self._rest_rad_s = rest_rad_s
+        self._slow_rad_s = slow_rad_s
         self.direction, self._zero = direction, zero
-        self._leaps = [e.angle_rad for e in twin.machine.events() if _leaps(twin, name, e.angle_rad)]
+        self._steps = [e.angle_rad for e in twin.machine.events() if _is_discontinuous(twin, name, e.angle_rad)]
 
     def at(self, zero_rad: float, delay_s: float) -> tuple[FloatArray, FloatArray, BoolArray]:
         """Return the quantity, the shaft angle, and a mask of the samples where both are known."""
@@ -120,14 +120,14 @@ class _Model:
         theta = self.direction * theta - self._zero - zero_rad
         found = self._twin.evaluate(theta, self.direction * omega, self.direction * alpha)[self._name]
         quantity = np.broadcast_to(found, theta.shape)
-        return quantity, theta, good & np.isfinite(quantity) & (np.abs(omega) >= self._rest_rad_s)
+        return quantity, theta, good & np.isfinite(quantity) & (np.abs(omega) >= self._slow_rad_s)
 
     def clear(self, zero_rad: float, delay_s: float) -> BoolArray:
         """Return true for the samples away from discontinuities, such as a reaction's at the needle's entry."""
         theta, omega, _, _ = self._track.at(self._time - delay_s)
         theta, clear = self.direction * theta - self._zero - zero_rad, np.ones(theta.size, np.bool_)
-        for leap in self._leaps:
-            clear &= np.abs(np.remainder(theta - leap + np.pi, TURN) - np.pi) > np.abs(omega) * _GUARD_S
+        for step in self._steps:
+            clear &= np.abs(np.remainder(theta - step + np.pi, TURN) - np.pi) > np.abs(omega) * _GUARD_S
         return clear
 
 
@@ -148,10 +148,10 @@ def compare_quantity(trace: Trace, machine: Machine, name: str) -> QuantityCompa
     if time.size:
         track = track.between(float(time.min()), float(time.max()))
     twin = compile_rigid(machine, [name])
-    rest_rad_s = REST_SHARE * track.fast_rad_s if _depends_on_sense(twin, name) else 0.0
+    slow_rad_s = REST_SHARE * track.fast_rad_s if _depends_on_sense(twin, name) else 0.0
     _, omega, _, inside = track.at(time)
     _check_beside(name, inside)
-    turning = ~inside | (np.abs(omega) >= rest_rad_s)
+    turning = ~inside | (np.abs(omega) >= slow_rad_s)
     at_rest = int(np.count_nonzero(~turning))
     time, measured = time[turning], measured[turning]
     if at_rest and time.size < _FEWEST:
@@ -162,7 +162,7 @@ def compare_quantity(trace: Trace, machine: Machine, name: str) -> QuantityCompa
     _check(name, track, time, measured)
     told = encoder.zero_rad * encoder.direction * encoder.ratio
     few = np.linspace(0, time.size - 1, min(time.size, _COARSE_SAMPLES)).astype(np.int64)
-    model, coarse = (_Model(twin, name, track, some, encoder.direction, told, rest_rad_s) for some in (time, time[few]))
+    model, coarse = (_Model(twin, name, track, some, encoder.direction, told, slow_rad_s) for some in (time, time[few]))
     _check_machine(coarse, name)
     one_speed = track.at_one_speed
     values = {"scale": 1.0, "offset": 0.0, "zero_rad": 0.0, "delay_s": 0.0}
@@ -187,7 +187,7 @@ def compare_quantity(trace: Trace, machine: Machine, name: str) -> QuantityCompa
         name=name,
         **fitted,
         rms=float(np.sqrt(np.mean(residual**2))),
-        rms_as_told=_as_told(model, measured),
+        rms_as_told=_nominal_rms(model, measured),
         explained=1.0 - float(np.mean(residual**2)) / max(float(np.var(measured[good])), 1e-300),
         measured_range=abs(values["scale"]) * float(np.ptp(around)),
         machine_range=float(np.ptp(around)),
@@ -267,7 +267,7 @@ def _left(model: _Model, measured: FloatArray, zero_rad: float, delay_s: float) 
     return float(np.mean((measured[good] - max(scale, 0.0) * quantity[good] - offset) ** 2))
 
 
-def _as_told(model: _Model, measured: FloatArray) -> float:
+def _nominal_rms(model: _Model, measured: FloatArray) -> float:
     quantity, _, good = model.at(0.0, 0.0)
     return float(np.std(measured[good] - quantity[good]))
 
@@ -322,7 +322,7 @@ def _usual_speed(track: ShaftTrack) -> float:
     return float(np.median(omega[np.abs(omega) > _TURNING_SHARE * track.fast_rad_s]))
 
 
-def _leaps(twin: Twin, name: str, angle_rad: float) -> bool:
+def _is_discontinuous(twin: Twin, name: str, angle_rad: float) -> bool:
     """Return true if a quantity is discontinuous at an angle of the shaft."""
     low, high = (float(twin.evaluate(angle_rad + side * _BESIDE_RAD, 1.0, 0.0)[name]) for side in (-1.0, 1.0))
     return abs(high - low) > _LEAP * float(np.ptp(_over_a_turn(twin, name, 1.0)))

@@ -87,7 +87,7 @@ class AngleUnit:
         return TURN / self.turn
 
     @property
-    def told(self) -> str:
+    def option(self) -> str:
         """The unit as a value of `--angle-unit`: deg, rev, gon, or the counts of a turn."""
         return next((short for short, name in _NAMES.items() if name == self.name), shown_turn(self.turn))
 
@@ -150,15 +150,15 @@ def angle_unit(angle: FloatArray) -> AngleUnit:
 def _turns_leapt(angle: FloatArray, span: float) -> FloatArray:
     """Size of a turn by each wrap of the angles (n,); empty without wraps."""
     step = np.diff(angle)
-    leap = np.abs(step) > 0.5 * span
-    usual = float(np.median(step[~leap])) if (~leap).any() else 0.0
+    wrap = np.abs(step) > 0.5 * span
+    usual = float(np.median(step[~wrap])) if (~wrap).any() else 0.0
     # At a wrap the angle steps against its direction, by a turn less its usual step, taken from the step before.
-    against = leap & (np.sign(step) != np.sign(usual)) if usual else leap
+    against = wrap & (np.sign(step) != np.sign(usual)) if usual else wrap
     at = np.flatnonzero(against)
     if span == 0.0 or at.size > 0.4 * step.size:
         return step[:0]
     before = step[np.maximum(at - 1, 0)]
-    before[leap[np.maximum(at - 1, 0)]] = usual
+    before[wrap[np.maximum(at - 1, 0)]] = usual
     return np.asarray(np.abs(step[at]) + np.abs(before))
 
 

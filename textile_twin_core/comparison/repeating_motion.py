@@ -16,7 +16,7 @@ _FEWEST = 64
 
 
 def repeating_motion(
-    track: ShaftTrack, cycle_turns: int, rest_rad_s: float, excess_rad: FloatArray | None = None
+    track: ShaftTrack, cycle_turns: int, slow_rad_s: float, excess_rad: FloatArray | None = None
 ) -> ShaftTrack:
     """Replace speed and acceleration of a track by their mean over a cycle and a ripple that repeats with the angle.
 
@@ -28,10 +28,10 @@ def repeating_motion(
 
     Args:
         track: as estimated. cycle_turns: turns after which the motion repeats.
-        rest_rad_s: speed below which the shaft stands still; there, and with little motion, the track is unchanged.
+        slow_rad_s: speed below which the shaft stands still; there, and with little motion, the track is unchanged.
         excess_rad: (n,) readings less the track's angle (see `excess_of`), nan without a reading.
     """
-    moving = np.abs(track.omega_rad_s) > rest_rad_s
+    moving = np.abs(track.omega_rad_s) > slow_rad_s
     slow, change, whole = _mean_motion(track, TURN * cycle_turns, moving)
     if np.count_nonzero(whole) < _FEWEST:
         return track

@@ -127,7 +127,7 @@ class ResidualStream:
             if step > _LONGEST_NS:
                 self.skipped["gap between predictions"] += 1
                 return []
-            if self._jumps(self._thetas[before], self._thetas[after]):
+            if self._crosses_step(self._thetas[before], self._thetas[after]):
                 self.skipped["load jumps there"] += 1
                 return []
             part = (at - self._stamps[before]) / step
@@ -137,7 +137,7 @@ class ResidualStream:
         self._recent.append(residual)
         return [Residual(stamp_ns, residual)]
 
-    def _jumps(self, theta: float, next_theta: float) -> bool:
+    def _crosses_step(self, theta: float, next_theta: float) -> bool:
         return any(
             math.floor((theta - angle) / TWO_PI) != math.floor((next_theta - angle) / TWO_PI)
             for angle in self.jump_angles_rad
@@ -155,7 +155,7 @@ class ResidualStream:
             del self._stamps[:first], self._torques[:first], self._thetas[:first]
 
 
-def load_jumps(twin: AnyTwin) -> tuple[float, ...]:
+def load_steps(twin: AnyTwin) -> tuple[float, ...]:
     """Find the shaft angles [rad], among the events of a machine, at which its balancing torque is discontinuous.
 
     Args:
@@ -166,8 +166,8 @@ def load_jumps(twin: AnyTwin) -> tuple[float, ...]:
         return ()
     angles = np.array([event.angle_rad for event in machine.events()])
     scale = np.nanmax(np.abs(_torques(twin, machine.shaft_angles(_PROBES))))
-    leaps = np.abs(_torques(twin, angles + _BESIDE_RAD) - _torques(twin, angles - _BESIDE_RAD))
-    return tuple(angles[leaps > _JUMP_OVER_PEAK * scale].tolist())  # NaN beyond an end of the range compares false
+    steps = np.abs(_torques(twin, angles + _BESIDE_RAD) - _torques(twin, angles - _BESIDE_RAD))
+    return tuple(angles[steps > _JUMP_OVER_PEAK * scale].tolist())  # NaN beyond an end of the range compares false
 
 
 def _torques(twin: AnyTwin, theta_rad: FloatArray) -> FloatArray:

@@ -32,7 +32,7 @@ class ShaftTrack:
         time_s: increasing, from the record's origin.
         theta_rad, omega_rad_s, alpha_rad_s2: the shaft's state there.
         longest_s: longer intervals are gaps.
-        leaps: slips of the encoder.
+        slips: slips of the encoder.
         pitch_errors_rad: of a toothed wheel's edges, configured or estimated from this record; else empty.
     """
 
@@ -41,7 +41,7 @@ class ShaftTrack:
     omega_rad_s: FloatArray
     alpha_rad_s2: FloatArray
     longest_s: float
-    leaps: int = 0
+    slips: int = 0
     pitch_errors_rad: tuple[float, ...] = ()
 
     @property
@@ -141,7 +141,7 @@ def shaft_track(
     if not states:
         raise RecordingError(f"too few shaft angles for a motion; {estimator.report.text()}")
     report = estimator.report
-    return replace(track_of(states, origin_ns), leaps=report.jumps, pitch_errors_rad=report.pitch_errors_rad)
+    return replace(track_of(states, origin_ns), slips=report.jumps, pitch_errors_rad=report.pitch_errors_rad)
 
 
 def track_of(states: Sequence[ShaftStates], origin_ns: int, direction: int = 1, zero_rad: float = 0.0) -> ShaftTrack:

@@ -10,13 +10,13 @@ import scipy
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
 
 
-def slow_motion(track: ShaftTrack, order: float, rest_rad_s: float) -> ShaftTrack:
+def slow_motion(track: ShaftTrack, order: float, slow_rad_s: float) -> ShaftTrack:
     """Smooth the acceleration of a track by a Gaussian that halves waves of an order of the turn.
 
     Errors of an estimated acceleration grow with the square of the frequency, so the slow part has hardly any.
-    `order` is taken at the median speed above `rest_rad_s`; a track at standstill is returned unchanged.
+    `order` is taken at the median speed above `slow_rad_s`; a track at standstill is returned unchanged.
     """
-    moving = np.abs(track.omega_rad_s) > rest_rad_s
+    moving = np.abs(track.omega_rad_s) > slow_rad_s
     if not moving.any():
         return track
     a_turn = TURN / (float(np.median(np.abs(track.omega_rad_s[moving]))) * float(np.median(np.diff(track.time_s))))

@@ -84,7 +84,7 @@ def clean_tracks(
     evidence = model.evidence
     if steady is not None and _loss(_on(model, steady, values, free)) <= _MOST_LOSS:
         return (steady,)
-    slow = tuple(slow_motion(evidence.track, order, evidence.rest_rad_s) for order in orders)
+    slow = tuple(slow_motion(evidence.track, order, evidence.slow_rad_s) for order in orders)
     return slow if np.isfinite(_loss(_on(model, slow[0], values, free))) else (evidence.track,)
 
 

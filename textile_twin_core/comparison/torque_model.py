@@ -141,7 +141,7 @@ class TorqueModel:
                 for name, sense in zip(EVENTS, (-1.0, 1.0), strict=True):
                     away = _apart(theta + phase, values[name]) / self.spread_rad
                     events[name] += torque * sense * np.exp(-0.5 * away**2) / (_ROOT_2PI * self.spread_rad)
-        moving = np.abs(omega) > self.evidence.rest_rad_s
+        moving = np.abs(omega) > self.evidence.slow_rad_s
         return Parts(fixed, units, events, theta, good & moving & np.isfinite(fixed))
 
     def expected(self, values: Mapping[str, float]) -> FloatArray:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray
-from textile_twin_core.comparison.residual import load_jumps
+from textile_twin_core.comparison.residual import load_steps
 from textile_twin_core.dynamics.loads import ShaftFriction
 from textile_twin_core.machine import Machine
 from textile_twin_core.twin import compile_machine
@@ -53,8 +53,8 @@ class TorqueTerms:
         angles = machine.shaft_angles(720)
         self.has_load = bool(others) and self._load_acts(angles)
         self.has_zero = self._depends_on(angles)
-        jumps = load_jumps(compile_machine(machine, ["balancing_torque_Nm"]))
-        self._jumps = np.sort(np.mod(np.asarray(jumps, dtype=np.float64), TURN))
+        jumps = load_steps(compile_machine(machine, ["balancing_torque_Nm"]))
+        self._step_angles = np.sort(np.mod(np.asarray(jumps, dtype=np.float64), TURN))
 
     def _load_acts(self, angles: FloatArray) -> bool:
         """Return true if the loads exceed rounding beside the mechanism's own torque."""
@@ -69,18 +69,18 @@ class TorqueTerms:
         torque = self.at(angles, speed, speed**2, 0.0).total
         return bool(np.ptp(torque) > _ROUNDING * np.max(np.abs(torque)))
 
-    def at(self, theta: FloatArray, omega: FloatArray, alpha: FloatArray, rest_rad_s: float) -> Terms:
+    def at(self, theta: FloatArray, omega: FloatArray, alpha: FloatArray, slow_rad_s: float) -> Terms:
         """Evaluate the parts at states (n,)."""
         out = self._twin.evaluate(theta, omega, alpha)
-        direction = np.where(np.abs(omega) > rest_rad_s, np.sign(omega), 0.0)
+        direction = np.where(np.abs(omega) > slow_rad_s, np.sign(omega), 0.0)
         friction = self.viscous_Nms * omega + self.coulomb_Nm * direction
         return Terms(out["torque_inertial_Nm"] + out["torque_gravity_Nm"], out["torque_load_Nm"], friction, direction)
 
-    def near_jump(self, theta: FloatArray, omega: FloatArray, guard_s: float, guard_rad: float = 0.0) -> BoolArray:
+    def near_step(self, theta: FloatArray, omega: FloatArray, guard_s: float, guard_rad: float = 0.0) -> BoolArray:
         """Return true within `guard_s`, at the present speed, or `guard_rad` of a discontinuity of the load."""
         near = np.zeros(theta.size, dtype=np.bool_)
         within = np.maximum(np.abs(omega) * guard_s, guard_rad)
-        for angle in self._jumps:
+        for angle in self._step_angles:
             apart = theta - angle
             apart -= TURN * np.rint(apart * (1.0 / TURN))
             near |= np.abs(apart) <= within

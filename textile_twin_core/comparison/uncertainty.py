@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 
 from textile_twin_core.arrays import FloatArray, IntArray
-from textile_twin_core.comparison.by_turn import normals_by_turn, scores_by_turn
+from textile_twin_core.comparison.by_turn import turn_normals, turn_scores
 from textile_twin_core.inference.robust import HUBER, robust_scale
 
 _ALONE = 1e-9
@@ -122,7 +122,7 @@ def _by_turns(
     In an orthonormal basis of the slopes the hat matrix of a turn and its inverse root are k by k.
     """
     place = np.unique(turn, return_inverse=True)[1]
-    scores, hat = scores_by_turn(basis, residual, place), normals_by_turn(basis, place)
+    scores, hat = turn_scores(basis, residual, place), turn_normals(basis, place)
     share, axes = np.linalg.eigh(hat)
     lost = np.where(1.0 - share > _ALONE, 1.0 / np.sqrt(np.maximum(1.0 - share, _ALONE)), 0.0)
     adjust = np.einsum("tik,tk,tjk->tij", axes, lost, axes)

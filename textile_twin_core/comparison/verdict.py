@@ -95,7 +95,7 @@ def causes(found: Judged, unit: AngleUnit, per_turn: float, periodic: float) -> 
     if unit.name != "radians":
         text = (
             f"the angle is logged in {unit.name}, {shown_turn(unit.turn)} a turn, and is read as radians: --angle-unit"
-            f" {unit.told}; for nodes angle_unit_rad {unit.to_radians:.10g}"
+            f" {unit.option}; for nodes angle_unit_rad {unit.to_radians:.10g}"
         )
         named.insert(0, Cause("angle_unit", text, unit.name))
     unexplained = found.unexplained
@@ -254,7 +254,7 @@ def _delay(found: Judged, name: str) -> Cause:
 
 def _or_inertia(found: Judged, delay_s: float) -> str:
     """Alternative to a delay under a speed-controlled drive, in words; empty without such a drive."""
-    inertia = found.governed_Nms * delay_s / found.settings.gain
+    inertia = found.torque_by_speed_Nms * delay_s / found.settings.gain
     if not inertia > 0.0:
         return ""
     return f", or {inertia:.2g} kg m2 that turn with it are not in the model, since the torque follows the speed here"
@@ -318,8 +318,8 @@ def _rotor(found: Judged, name: str) -> Cause:
         f"{away:.3g} +- {sigma:.2g} kg m2 turn with the shaft that are not in the model, as a motor's rotor or a"
         f" flywheel: add them under main_shaft of bodies in the machine file{_equivalents(found, ROTOR)[1]}"
     )
-    if found.governed_Nms:
-        each = 1e-3 * found.governed_Nms / found.settings.gain
+    if found.torque_by_speed_Nms:
+        each = 1e-3 * found.torque_by_speed_Nms / found.settings.gain
         text += f"; the torque follows the speed here, and {each:.2g} kg m2 less for each ms that it is late look alike"
     return Cause("unmodelled_inertia", text, away, sigma, ROTOR, p.equivalents(ROTOR))
 

@@ -81,12 +81,12 @@ def settle(posterior: Posterior, free: Collection[str]) -> Settled:
     return Settled(posterior, frozenset(free), tolerant, exact)
 
 
-def settled_sensors(posterior: Posterior, both_ways: bool = False) -> frozenset[str]:
+def settled_sensors(posterior: Posterior, both_directions: bool = False) -> frozenset[str]:
     """Names of the parameters that `calibrate` estimates: identifiable sensors and friction, and all departures.
 
     Args:
         posterior: of the record.
-        both_ways: the shaft turns in both directions, so that an offset differs from friction.
+        both_directions: the shaft turns in both directions, so that an offset differs from friction.
     """
     m = posterior.measurement
     free = {*posterior.departing, GAIN, COULOMB}
@@ -99,6 +99,6 @@ def settled_sensors(posterior: Posterior, both_ways: bool = False) -> frozenset[
         free |= {DELAY, VISCOUS}
     if m.record.speed_controlled and ROTOR in free:
         free -= {DELAY}
-    if both_ways or (m.record.standstills and HELD not in posterior.departing):
+    if both_directions or (m.record.standstills and HELD not in posterior.departing):
         free |= {OFFSET}
     return frozenset(free)

@@ -154,12 +154,12 @@ def _text(
         out.bad[name] = (compute.filter(cells, compute.invert(good))[0].as_py(), bad)
     spoilt = bad - _matches(compute.filter(cells, compute.invert(good)), "^[^0-9]*$") if bad else 0
     if spoilt > _MOST_BAD * filled or bad > _MOST_WORDS * filled:
-        out.left_out[name] = text_held(out.bad[name][0])
+        out.left_out[name] = text_content(out.bad[name][0])
         return
     out[name] = _float(compute.if_else(good, plain, None).cast("float64"))
 
 
-def text_held(cell: str, place: str = "") -> str:
+def text_content(cell: str, place: str = "") -> str:
     """Describe the content of a column of text by its first cell that is no number, and its place."""
     doubt = f": {DOUBT}" if may_have_thousands(cell) else ""
     return f"text ({place + ': ' if place else ''}'{cell[:30]}'{doubt})"

@@ -40,7 +40,7 @@ _LETTER_OF_TYPE = r"\b[a-z]{1,2}(?=[A-Z][a-z])"
 """Letters of type before a variable's name in a controller: fAngle, lrActPos."""
 
 
-def choose(kind: str, names: Iterable[str], unit_told: bool = False) -> list[str]:
+def choose(kind: str, names: Iterable[str], unit_given: bool = False) -> list[str]:
     """Choose columns by names of a kind: time, angle, torque or speed; without any, angle and torque by their unit.
 
     Candidates with a unit of another quantity are dropped, unless none would remain. If none would, the end of a name
@@ -59,7 +59,7 @@ def choose(kind: str, names: Iterable[str], unit_told: bool = False) -> list[str
     own_unit = [name for name in fitting if unit_of[name] in own or name not in bracketed]
     fitting = own_unit or fitting  # T [°C] beside t [s]
     unsure = [name for name in spoken if name in fitting or name not in bracketed]
-    if unit_told:
+    if unit_given:
         return unsure or spoken
     return fitting or (spoken if kind == "torque" else unsure)
 
@@ -96,7 +96,7 @@ def angle_radians(name: str, unit: str, values: FloatArray) -> tuple[FloatArray,
             f"column '{name}' never begins anew, so its unit cannot be seen; tell it: --angle-unit "
             f"{', '.join(ANGLE_TURNS)} or the counts of a turn"
         )
-    return values * seen.to_radians, seen.told, f"{seen.name}, as seen: {shown_turn(seen.turn)} a turn"
+    return values * seen.to_radians, seen.option, f"{seen.name}, as seen: {shown_turn(seen.turn)} a turn"
 
 
 def _other_unit(factor: float, values: FloatArray) -> str:

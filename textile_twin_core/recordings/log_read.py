@@ -13,7 +13,7 @@ import numpy as np
 
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.recordings.hdf5_content import hdf5_content
-from textile_twin_core.recordings.log_cells import LogTable, numeric, text_held
+from textile_twin_core.recordings.log_cells import LogTable, numeric, text_content
 from textile_twin_core.recordings.log_dialect import COMMENT, EMPTY, Dialect, as_written, cells_of, sniff
 from textile_twin_core.recordings.log_long import by_signal, find_long_form
 from textile_twin_core.recordings.log_makers import FILETIME, TIMES, UNTIMED
@@ -144,7 +144,7 @@ def _text(
     for name, (cell, count) in log.bad.items():
         place = _line_of(path, dialect, names.index(name), cell) if name in names else "a line"
         if name in log.left_out:
-            log.left_out[name] = text_held(cell, place)
+            log.left_out[name] = text_content(cell, place)
         elif note is not None:
             more = f"; {count} such cells count" if count > 1 else "; it counts"
             note(f"{place}: column '{name}' has '{cell}', no number{more} as empty")

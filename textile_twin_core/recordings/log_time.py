@@ -63,7 +63,7 @@ def time_seconds(
     seconds = values * factor
     latest = float(np.nanmax(np.abs(seconds)))
     if latest > _LATEST_S:
-        raise RecordingError(f"column '{name}': {latest:.6g} s in the unit '{taken}' is no time; {_told()}")
+        raise RecordingError(f"column '{name}': {latest:.6g} s in the unit '{taken}' is no time; {_ask()}")
     return seconds, unit if unit == DATED else taken, words
 
 
@@ -127,9 +127,9 @@ def _guessed(name: str, finite: FloatArray, raw: bool) -> tuple[str, str]:
     may = " or ".join(fits) if fits else "none of " + ", ".join(_GUESSED)
     raise RecordingError(
         f"column '{name}': its header tells no unit, and by its steps of {step:.6g} it may be {may}"
-        f"{', or a count of rows' if step == 1.0 else ''}; {_told()}"
+        f"{', or a count of rows' if step == 1.0 else ''}; {_ask()}"
     )
 
 
-def _told() -> str:
+def _ask() -> str:
     return _ASK.format(units=", ".join(TIME_UNITS))

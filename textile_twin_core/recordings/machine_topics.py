@@ -132,7 +132,7 @@ class MachineTopics:
 def unit_notes(angles: AngleSamples) -> list[str]:
     """Warn if recorded angles seem to have another unit than radians; at most one line."""
     seen = other_unit(angles.angles_rad)
-    return [f"topic {angles.topic}: {seen.instead}: tell it with --angle-unit {seen.told}"] if seen else []
+    return [f"topic {angles.topic}: {seen.instead}: tell it with --angle-unit {seen.option}"] if seen else []
 
 
 def referred(angles: AngleSamples, reference: Reference, pulses: IntArray) -> AngleSamples:

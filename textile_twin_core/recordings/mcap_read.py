@@ -55,7 +55,7 @@ class McapFile:
             file, head = opened(path)
             with file:
                 head = head[: len(MAGIC)]
-                other = "give a rosbag2 folder or an .mcap file" if path == self._recording else self._way_out
+                other = "give a rosbag2 folder or an .mcap file" if path == self._recording else self._advice
                 if path.suffix.lower() in LOG_SUFFIXES:
                     other = (
                         f"make a recording of a logger's table: textile-twin import {shlex.quote(str(path))} --out DIR"
@@ -129,7 +129,7 @@ class McapFile:
         unknown = sorted(channel for channel in counts if channel not in self._contents.channels)
         if unknown and not salvage:
             raise RecordingError(
-                f"{self.path}: messages of channel {unknown[0]}, which the file does not declare; {self._way_out}"
+                f"{self.path}: messages of channel {unknown[0]}, which the file does not declare; {self._advice}"
             )
         self._damage.undeclared = sum(counts.pop(channel) for channel in unknown)
         return counts
@@ -190,10 +190,10 @@ class McapFile:
 
     def _damaged(self, part: Part, why: str) -> DamageError:
         where = f"{self.path}: the chunk at byte {part.start} is damaged"
-        return DamageError(f"{where}: {why}; {self._way_out}", why)
+        return DamageError(f"{where}: {why}; {self._advice}", why)
 
     @property
-    def _way_out(self) -> str:
+    def _advice(self) -> str:
         return f"textile-twin recover {shlex.quote(str(self._recording))} --out DIR recovers the intact part"
 
     def messages(self, part: Part) -> Messages:

@@ -97,7 +97,7 @@ def recompute(
     if shaft == "smooth":
         states = [block.states for block in blocks]
         track = track_of(states, int(angles.stamps[0]), encoder.direction, encoder.zero_rad * encoder.ratio)
-        track = replace(track, leaps=session.report.jumps)
+        track = replace(track, slips=session.report.jumps)
     return PredictedTorque(
         stamps_ns=np.concatenate([np.asarray(block.stamps, np.int64) for block in blocks]),
         torque_Nm=np.concatenate([block[TORQUE] for block in blocks]),

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from textile_twin_core.arrays import IntArray
-from textile_twin_core.comparison.residual import ResidualStream, load_jumps
+from textile_twin_core.comparison.residual import ResidualStream, load_steps
 from textile_twin_core.machine import AnyMachine
 from textile_twin_core.recordings.bag import Bag
 from textile_twin_core.recordings.bag_write import BagWriter
@@ -71,7 +71,7 @@ def replay_bag(
     residual = None
     clocks, recorded_stamps = clock_notes(angles), angles.stamps
     if topics.has_torque and bag.has_topic(recorded.torque_in(bag)):
-        steps = load_jumps(compile_machine(machine, [TORQUE]))
+        steps = load_steps(compile_machine(machine, [TORQUE]))
         stream = ResidualStream(machine.sensors.torque, steps)
         measured, clocks = on_one_clock(angles, recorded.read_torques(bag))
         angles, torque, timings = evenly_timed(angles, measured, machine)

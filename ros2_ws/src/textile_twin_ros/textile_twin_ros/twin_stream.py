@@ -25,7 +25,7 @@ import numpy as np
 from rclpy.lifecycle import LifecycleNode, LifecyclePublisher
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
-from textile_twin_core.comparison.residual import Residual, ResidualStream, load_jumps
+from textile_twin_core.comparison.residual import Residual, ResidualStream, load_steps
 from textile_twin_core.machine import AnyMachine
 from textile_twin_core.shaft import SampleReport
 from textile_twin_core.twin.restart import RestartWatch
@@ -79,7 +79,7 @@ class TwinStream:
         self._has_history = machine.has_history
         self._idle = self._compile(self._needs(self._outputs) if self._has_history else ())
         self._has_torque = machine.tells_torque
-        jumps = load_jumps(self._compile((TORQUE,))) if self._has_torque else ()
+        jumps = load_steps(self._compile((TORQUE,))) if self._has_torque else ()
         self._residuals = ResidualStream(machine.sensors.torque, jumps)
         self._recent_residuals = Recent()
         self._residual_messages = ResidualMessages()

@@ -7,26 +7,26 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from textile_twin_core.comparison.leaps import leaps_of, without_turns
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
+from textile_twin_core.comparison.slips import slips_of, without_turns
 
 TIME = np.arange(0.0, 10.0, 0.01)
 THETA = 14.0 * TIME + 0.3 * np.sin(3.0 * TIME)
-TRACK = ShaftTrack(TIME, THETA, 14.0 + 0.9 * np.cos(3.0 * TIME), -2.7 * np.sin(3.0 * TIME), 0.05, leaps=1)
+TRACK = ShaftTrack(TIME, THETA, 14.0 + 0.9 * np.cos(3.0 * TIME), -2.7 * np.sin(3.0 * TIME), 0.05, slips=1)
 
 
 def test_a_leap_is_found_where_it_is() -> None:
-    leaps = leaps_of(replace(TRACK, theta_rad=THETA + 0.3 * (TIME > 4.005)))
-    assert np.flatnonzero(leaps).tolist() == [400]
-    assert leaps[400] == pytest.approx(0.3, abs=1e-3)
-    assert not leaps_of(TRACK).any()
+    slips = slips_of(replace(TRACK, theta_rad=THETA + 0.3 * (TIME > 4.005)))
+    assert np.flatnonzero(slips).tolist() == [400]
+    assert slips[400] == pytest.approx(0.3, abs=1e-3)
+    assert not slips_of(TRACK).any()
 
 
 def test_what_happens_in_a_gap_is_no_leap() -> None:
     kept = (TIME < 3.0) | (TIME > 4.0)
     parts = (TRACK.theta_rad + 1.0 * (TIME > 3.5), TRACK.omega_rad_s, TRACK.alpha_rad_s2)
-    track = ShaftTrack(TIME[kept], *(part[kept] for part in parts), 0.05, leaps=1)
-    assert not leaps_of(track).any()
+    track = ShaftTrack(TIME[kept], *(part[kept] for part in parts), 0.05, slips=1)
+    assert not slips_of(track).any()
 
 
 @pytest.mark.parametrize("turn", [TURN, 0.5 * TURN])

@@ -15,12 +15,12 @@ _LATE = 5
 """Readings beside a slip that belong to neither part."""
 
 
-def leaps_of(track: ShaftTrack) -> FloatArray:
+def slips_of(track: ShaftTrack) -> FloatArray:
     """Slip of the angle (n - 1,) from each state to the next [rad]; 0 without a slip, and over gaps.
 
     When the encoder slips, the estimator follows the angle but keeps the speed, so that the two disagree.
     """
-    if track.leaps == 0:
+    if track.slips == 0:
         return np.zeros(max(track.time_s.size - 1, 0))
     step, omega, alpha = np.diff(track.time_s), track.omega_rad_s, track.alpha_rad_s2
     turned = step * (0.5 * (omega[1:] + omega[:-1]) - step * np.diff(alpha) / 12.0)
@@ -33,9 +33,9 @@ def without_turns(track: ShaftTrack, encoder_turn_rad: float) -> ShaftTrack:
 
     A wrapped angle that was not recognised as such, as after one in another unit, slips once a turn.
     """
-    leaps = leaps_of(track)
-    turns = np.rint(leaps / encoder_turn_rad)
-    turns[np.abs(leaps - turns * encoder_turn_rad) > _LEAST_RAD] = 0.0
+    slips = slips_of(track)
+    turns = np.rint(slips / encoder_turn_rad)
+    turns[np.abs(slips - turns * encoder_turn_rad) > _LEAST_RAD] = 0.0
     if not turns.any():
         return track
     theta = track.theta_rad.copy()
@@ -48,7 +48,7 @@ def parts_between(track: ShaftTrack) -> list[tuple[float, float]]:
 
     A slip is detected some readings late, so the readings beside it belong to neither part.
     """
-    at = np.flatnonzero(leaps_of(track))
+    at = np.flatnonzero(slips_of(track))
     first = np.concatenate([[0], np.minimum(at + 1 + _LATE, track.time_s.size - 1)])
     last = np.concatenate([at - _LATE, [track.time_s.size - 1]])
     return [(float(track.time_s[a]), float(track.time_s[b])) for a, b in zip(first, last, strict=True) if b > a]

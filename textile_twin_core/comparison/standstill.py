@@ -22,7 +22,7 @@ _APART_S = 1.0
 def standstills(evidence: Evidence) -> tuple[Standstill, ...]:
     """Medians of the torque over parts of each standstill: in a few of them the shaft may creep."""
     _, omega, _, good = evidence.track.at(evidence.time_s)
-    still = good & (np.abs(omega) < 0.1 * evidence.rest_rad_s)
+    still = good & (np.abs(omega) < 0.1 * evidence.slow_rad_s)
     time, torque = evidence.time_s[still], evidence.torque_Nm[still]
     step = _step(evidence.torque_Nm)
     found = []
