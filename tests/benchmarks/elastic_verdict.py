@@ -17,9 +17,9 @@ from collections.abc import Iterator
 import numpy as np
 
 import textile_twin_core as ttc
+from tests.generators.configured_machine import configured_machine
 from tests.generators.elastic_shaft import Record, WideMachine, simulate
 from tests.generators.mill_recordings import Encoder, TorqueSensor, healthy, record
-from tests.generators.told_machine import told_machine
 from textile_twin_core.comparison import Readings, assess
 from textile_twin_core.comparison.assessment import configured_settings, gather
 from textile_twin_core.comparison.elastic_hypothesis import elastic_hypothesis
@@ -104,7 +104,7 @@ def rigid(seed: int) -> None:
             stamp_error_s=rng.uniform(0.0, 2e-4),
             loss=rng.uniform(0.0, 0.05),
         )
-        made, machine = record(case), told_machine(case)
+        made, machine = record(case), configured_machine(case)
         readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
         evidence = gather(readings, machine, TorqueTerms(machine), angle_unit(readings.angle))
         if elastic_hypothesis(evidence, machine, configured_settings(machine)) is not None:

@@ -14,9 +14,9 @@ from itertools import permutations, product
 
 import numpy as np
 
+from tests.generators.configured_machine import configured_machine
 from tests.generators.faults import EXPECTED, SIZES, faulty, with_fault
 from tests.generators.mill_recordings import SPEED, Case, MillRecording
-from tests.generators.told_machine import told_machine
 from textile_twin_core.comparison import Readings
 from textile_twin_core.comparison.monitor import monitor_recording
 
@@ -30,7 +30,7 @@ def hours(first: int, last: int) -> None:
         made = faulty("", 0.0, seed, duration_s=3600.0)
         r = made.recording
         readings = Readings(r.angle_stamps_ns, r.angle, r.torque_stamps_ns, r.torque)
-        watched = monitor_recording(readings, told_machine(made.case))
+        watched = monitor_recording(readings, configured_machine(made.case))
         false += len(watched.alarms)
         turns = len(watched.columns["turn"])
         print(f"seed {seed}: {turns} turns, alarms: {[alarm.text for alarm in watched.alarms]}", flush=True)
@@ -69,7 +69,7 @@ def standing(first: int, last: int) -> None:
 
 def _kinds(r: MillRecording, case: Case) -> list[str]:
     readings = Readings(r.angle_stamps_ns, r.angle, r.torque_stamps_ns, r.torque)
-    return [alarm.kind for alarm in monitor_recording(readings, told_machine(case)).alarms]
+    return [alarm.kind for alarm in monitor_recording(readings, configured_machine(case)).alarms]
 
 
 def main(first: int, last: int) -> None:
@@ -83,7 +83,7 @@ def main(first: int, last: int) -> None:
                 made = faulty(kind, size, seed)
                 r = made.recording
                 readings = Readings(r.angle_stamps_ns, r.angle, r.torque_stamps_ns, r.torque)
-                alarms = monitor_recording(readings, told_machine(made.case)).alarms
+                alarms = monitor_recording(readings, configured_machine(made.case)).alarms
                 if not alarms:
                     continue
                 found += 1

@@ -13,9 +13,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from tests.generators.configured_machine import configured_machine
 from tests.generators.mill_recordings import START_NS, Case, healthy, record, torque_of
 from tests.generators.shaft_law import Backing, Friction, tufting_law
-from tests.generators.told_machine import told_machine
 from textile_twin_core.comparison import Estimate, Readings, identify
 
 TRUTH = {
@@ -47,7 +47,7 @@ def identified(seed: int) -> dict[str, Estimate]:
     case = recorded_case(seed)
     made = record(case)
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
-    return dict(identify(readings, told_machine(case)).parameters)
+    return dict(identify(readings, configured_machine(case)).parameters)
 
 
 STIFFNESSES_NM_RAD = (math.inf, 80e3, 20e3, 5e3)
@@ -74,7 +74,7 @@ def elastic() -> None:
     for stiffness in STIFFNESSES_NM_RAD:
         angle = np.mod(made.angle + torque / stiffness, 2.0 * np.pi)
         readings = Readings(made.angle_stamps_ns, angle, made.torque_stamps_ns, made.torque)
-        found = identify(readings, told_machine(case)).parameters
+        found = identify(readings, configured_machine(case)).parameters
         product = found["backing_force_N"].value * found["torque_sensor_gain"].value
         rows.setdefault("force times gain, share", []).append(f"{product / (900.0 * 1.02) - 1.0:+.2g}")
         for name, each in found.items():

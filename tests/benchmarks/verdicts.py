@@ -10,8 +10,8 @@ import sys
 
 import numpy as np
 
+from tests.generators.configured_machine import configured_machine
 from tests.generators.mill_recordings import MISTAKES, ONLY_TUFTING, Case, mistaken, record
-from tests.generators.told_machine import told_machine
 from textile_twin_core.comparison import Assessment, Readings, assess
 from textile_twin_core.inference.parameter import DELAY, ZERO
 
@@ -36,7 +36,7 @@ def judged(machine: str, names: tuple[str, ...], seed: int, run_up: bool) -> tup
     case, right = mistaken(machine, names, seed, run_up=run_up)
     made = record(case)
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
-    return right, assess(readings, told_machine(case)), case
+    return right, assess(readings, configured_machine(case)), case
 
 
 Errors = tuple[float, float]

@@ -14,11 +14,11 @@ from scipy.interpolate import CubicSpline
 import textile_twin_core as ttc
 from tests.campaign import more
 from tests.generators import mill_recordings
+from tests.generators.configured_machine import configured_machine
 from tests.generators.mill_recordings import START_NS, healthy, mistaken, record
 from tests.generators.multibody import Floats
 from tests.generators.planned_motion import Plan
 from tests.generators.shaft_law import LOOM_FILE
-from tests.generators.told_machine import told_machine
 from textile_twin_core.comparison import Calibration, Readings, assess, calibrate
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.recordings import open_bag
@@ -30,7 +30,7 @@ def test_every_sensor_setting_of_a_loom_is_found_at_once() -> None:
     encoder = replace(case.encoder, zero_rad=-2.0, direction=-1, ratio=0.5)
     torque = replace(case.torque, gain=-100.0, delay_s=0.008, offset_Nm=-150.0)
     case = replace(case, encoder=encoder, torque=torque)
-    made, machine = record(case), told_machine(case)
+    made, machine = record(case), configured_machine(case)
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
     found = calibrate(readings, machine)
     assert (found.direction, found.ratio, found.sign, found.unit) == (-1, 0.5, -1, "N cm")
@@ -50,7 +50,7 @@ def test_what_one_speed_cannot_tell_is_named_with_the_recording_that_could() -> 
     case = replace(case, torque=replace(case.torque, delay_s=0.005))
     made = record(case)
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
-    found = calibrate(readings, told_machine(case))
+    found = calibrate(readings, configured_machine(case))
     pairs = {each.between: each for each in found.ambiguous}
     assert "run-up" in pairs["zero_rad", "torque.delay_s"].recording
     assert "rest" in pairs["torque.offset_Nm", "shaft_coulomb_Nm"].recording
@@ -66,7 +66,7 @@ def test_friction_and_loads_that_nobody_declared_are_not_taken_for_the_torque_se
     case = replace(case, torque=replace(case.torque, gain=0.9, offset_Nm=0.9))
     made = record(case)
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
-    found = calibrate(readings, told_machine(case))
+    found = calibrate(readings, configured_machine(case))
     assert found.ambiguous == ()
     assert found.offset_Nm.value == pytest.approx(0.9, abs=min(5.0 * found.offset_Nm.sigma, 0.05))
     assert found.gain.value == pytest.approx(0.9, abs=min(5.0 * found.gain.sigma, 0.015))
@@ -82,7 +82,7 @@ def test_an_offset_too_small_to_accuse_anybody_is_written_all_the_same(offset_Nm
     case = replace(case, torque=replace(case.torque, offset_Nm=offset_Nm))
     made = record(case)
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
-    found = calibrate(readings, told_machine(case))
+    found = calibrate(readings, configured_machine(case))
     assert found.assessment.verdict == ()
     assert found.offset_Nm.value == pytest.approx(offset_Nm, abs=min(5.0 * found.offset_Nm.sigma, 0.04))
     assert found.machine.sensors.torque.offset_Nm == found.offset_Nm.value
@@ -98,7 +98,9 @@ def test_a_shaft_held_at_rest_is_no_offset(monkeypatch: pytest.MonkeyPatch) -> N
     made = record(case)
     held = made.torque_stamps_ns < START_NS + 3_900_000_000
     torque = made.torque + np.where(held, 0.2, 0.0)
-    found = calibrate(Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, torque), told_machine(case))
+    found = calibrate(
+        Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, torque), configured_machine(case)
+    )
     assert found.offset_Nm.value == 0.0
     _has_sigmas_or_says_so(found)
     assert any("brake" in each.text for each in found.ambiguous)
@@ -109,7 +111,7 @@ def test_a_rest_without_an_offset_tells_how_far_off_none_may_be(seed: int) -> No
     case = healthy("tufting", seed)
     made = record(case)
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
-    found = calibrate(readings, told_machine(case))
+    found = calibrate(readings, configured_machine(case))
     _has_sigmas_or_says_so(found)
     low, high = found.offset_Nm.interval95
     assert low <= 0.0 <= high and high - low < 0.1
@@ -181,18 +183,18 @@ def test_the_rms_that_is_told_leaves_in_what_the_file_does_not_get() -> None:
     case = replace(case, friction=replace(case.friction, coulomb_Nm=case.friction.coulomb_Nm + 1.0))
     made = record(case)
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
-    found = calibrate(readings, told_machine(replace(case, friction=healthy("tufting", 956).friction)))
+    found = calibrate(readings, configured_machine(replace(case, friction=healthy("tufting", 956).friction)))
     again = calibrate(readings, found.machine)
     assert again.rms_before_Nm == pytest.approx(found.rms_after_Nm, rel=0.01)
     assert found.rms_beside_Nm < 0.1 < 0.9 < found.rms_after_Nm
 
 
 def test_a_recording_of_another_machine_gives_no_calibration() -> None:
-    case = replace(healthy("tufting", 953, duration_s=12.0), told_machine="loom")
+    case = replace(healthy("tufting", 953, duration_s=12.0), configured_machine="loom")
     made = record(case)
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
     with pytest.raises(RecordingError, match="not this machine"):
-        calibrate(readings, told_machine(case))
+        calibrate(readings, configured_machine(case))
 
 
 @pytest.mark.parametrize("offset_Nm", [0.13, 0.2, 0.31])
@@ -201,7 +203,9 @@ def test_an_offset_is_told_no_finer_than_the_steps_of_the_sensor(offset_Nm: floa
     case = healthy("tufting", 976, duration_s=24.0)
     made = record(replace(case, torque=replace(case.torque, offset_Nm=offset_Nm, noise_Nm=0.01)))
     torque = np.round(made.torque, 1)
-    found = calibrate(Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, torque), told_machine(case))
+    found = calibrate(
+        Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, torque), configured_machine(case)
+    )
     assert abs(found.offset_Nm.value - offset_Nm) < 2.5 * found.offset_Nm.sigma
     assert found.offset_Nm.sigma < 0.05
 
@@ -245,7 +249,7 @@ def test_a_delay_in_a_steep_run_up_does_not_mirror_the_machine(
     case = replace(case, encoder=replace(case.encoder, bits=10))
     made = record(case)
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
-    found = calibrate(readings, told_machine(case))
+    found = calibrate(readings, configured_machine(case))
     assert (found.direction, found.sign) == (case.encoder.direction, 1)
     assert found.gain.value == pytest.approx(1.0, abs=0.01)
 
@@ -258,7 +262,7 @@ def test_a_rest_of_nearly_all_of_a_record_hides_no_motion(monkeypatch: pytest.Mo
     case = replace(case, encoder=replace(case.encoder, rate_hz=200.0), torque=replace(case.torque, rate_hz=200.0))
     made = record(case)
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
-    found = calibrate(readings, told_machine(case))
+    found = calibrate(readings, configured_machine(case))
     assert found.direction == -1
     assert found.delay_s.value == pytest.approx(case.torque.delay_s, abs=5e-4)
     assert {cause.cause for cause in found.assessment.verdict} == {"encoder_direction", "zero_or_delay"}
@@ -269,7 +273,7 @@ def test_torque_of_a_second_within_a_long_record_of_angles() -> None:
     made = record(case)
     inside = (made.torque_stamps_ns >= START_NS + 12 * 10**9) & (made.torque_stamps_ns < START_NS + 13 * 10**9)
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns[inside], made.torque[inside])
-    found = calibrate(readings, told_machine(case))
+    found = calibrate(readings, configured_machine(case))
     assert found.gain.value == pytest.approx(1.0, abs=0.01)
     assert found.assessment.verdict == ()
     assert any(each.between == ("zero_rad", "torque.delay_s") for each in found.ambiguous)

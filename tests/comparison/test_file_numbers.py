@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
+from tests.generators.configured_machine import configured_machine
 from tests.generators.mill_recordings import healthy, record
-from tests.generators.told_machine import told_machine
 from textile_twin_core.comparison import Readings
 from textile_twin_core.comparison.file_numbers import identify_numbers
 from textile_twin_core.errors import SceneError
@@ -17,7 +17,7 @@ MASS = "bodies.l3.mass_kg"
 
 def test_a_mass_that_is_wrong_in_the_file_is_estimated_with_the_file_exact_and_within_tolerances() -> None:
     case = healthy("loom", 921)
-    made, true = record(case), told_machine(case)
+    made, true = record(case), configured_machine(case)
     right = next(body.mass_kg for body in true.bodies if body.on == "l3")
     bodies = tuple(replace(body, mass_kg=1.25 * body.mass_kg) if body.on == "l3" else body for body in true.bodies)
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)

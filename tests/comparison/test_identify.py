@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from tests.campaign import more
-from tests.generators.governed_motion import governed_motion
+from tests.generators.configured_machine import configured_machine
 from tests.generators.mill_recordings import Case, healthy, record, torque_of
 from tests.generators.planned_motion import Plan
 from tests.generators.shaft_law import Backing, Friction, tufting_law
-from tests.generators.told_machine import told_machine
+from tests.generators.speed_controlled_motion import speed_controlled_motion
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.comparison import Identification, Readings, identify, with_table
 from textile_twin_core.dynamics import loads as declared
@@ -24,7 +24,7 @@ from textile_twin_core.errors import RecordingError
 def identified(case: Case) -> Identification:
     made = record(case)
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
-    return identify(readings, told_machine(case))
+    return identify(readings, configured_machine(case))
 
 
 def entry_and_exit(plane_m: float) -> tuple[float, float]:
@@ -84,14 +84,14 @@ def test_under_a_controller_of_the_speed_an_inertia_that_acts_as_a_delay_is_not_
 ) -> None:
     """Gain 1.03, 4 ms late, no inertia beside the file's; noise of 0.03 N m, stamps wrong by 30 us."""
     case = healthy("loom", seed, duration_s=24.0)
-    fine, angle, _, torque = governed_motion(case, gain_Nms, (9.0, 14.0))
+    fine, angle, _, torque = speed_controlled_motion(case, gain_Nms, (9.0, 14.0))
     rng = np.random.default_rng([seed, bits])
     time, step = np.arange(0.1, 23.9, 0.001), 2.0 * np.pi / 2**bits
     true = time + 3e-5 * rng.standard_normal(time.size)
     stamps = np.rint(time * 1e9).astype(np.int64)
     read = np.rint(np.interp(true, fine, angle) / step) * step
     shown = 1.03 * np.interp(true - 0.004, fine, torque) + 0.03 * rng.standard_normal(time.size)
-    found = identify(Readings(stamps, read, stamps, shown), told_machine(case))
+    found = identify(Readings(stamps, read, stamps, shown), configured_machine(case))
     lost = {each.name: each.text for each in found.not_identifiable}
     assert "torque_sensor_delay_s" in lost["added_inertia_kgm2"]
     truth = {"torque_sensor_delay_s": 0.004, "torque_sensor_gain": 1.03, "encoder_zero_rad": 0.0}
@@ -106,7 +106,7 @@ def test_a_backing_that_no_needle_comes_as_far_as_is_not_sought() -> None:
     made = record(replace(case, backing=Backing(force_N=15.0, free_force_N=15.0)))
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
     shallow = declared.Backing("needle", 1000.0, 0.60, 0.56, 15.0)
-    found = identify(readings, replace(told_machine(case), loads=(shallow,)))
+    found = identify(readings, replace(configured_machine(case), loads=(shallow,)))
     assert (found.rms_before_Nm, found.rms_after_Nm) == pytest.approx((0.08, 0.08), rel=0.1)
     lost = {each.name: each.text for each in found.not_identifiable}
     assert {"entry_angle_rad", "exit_angle_rad"} <= set(lost) and "does not pass" in lost["entry_angle_rad"]
@@ -118,7 +118,7 @@ def test_of_several_backings_it_is_told_that_they_are_not_sought() -> None:
     case = healthy("tufting", 979, duration_s=16.0)
     made = record(case)
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
-    machine = told_machine(case)
+    machine = configured_machine(case)
     whole = machine.loads[0]
     assert isinstance(whole, declared.Backing) and len(machine.loads) == 1
     halves = (replace(whole, force_N=400.0), replace(whole, force_N=600.0))
@@ -138,7 +138,7 @@ def test_a_torque_that_nobody_modelled_comes_out_with_its_band() -> None:
     readings = Readings(
         made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque + 0.4 * np.cos(5.0 * theta - 1.0)
     )
-    left = identify(readings, told_machine(case)).unmodelled
+    left = identify(readings, configured_machine(case)).unmodelled
     assert left.significant
     truth = 0.4 * np.cos(5.0 * left.angle_rad - 1.0)
     assert float(np.mean(np.abs(left.torque_Nm - truth) < left.band_Nm + 0.02)) > 0.95
@@ -161,7 +161,7 @@ def two_turns(seed: int) -> tuple[Case, Readings, Callable[[FloatArray], FloatAr
 
 def test_a_load_over_two_turns_comes_out_over_two_turns() -> None:
     case, readings, load = two_turns(975)
-    machine = told_machine(case)
+    machine = configured_machine(case)
     sensors = replace(machine.sensors, encoder=replace(machine.sensors.encoder, cycle_turns=2))
     left = identify(readings, replace(machine, sensors=sensors)).unmodelled
     assert left.significant
@@ -196,7 +196,7 @@ def test_too_little_motion_is_said_and_nothing_is_fitted(points: Sequence[tuple[
     torque = torque_of(case, theta, omega, alpha) + 0.08 * rng.standard_normal(time.size)
     angle = np.rint(theta / 3.8e-4) * 3.8e-4
     with pytest.raises(RecordingError, match=said):
-        identify(Readings(stamps, angle, stamps, torque), told_machine(case))
+        identify(Readings(stamps, angle, stamps, torque), configured_machine(case))
 
 
 def test_gaps_are_told_and_what_is_beside_them_counts() -> None:
@@ -205,7 +205,7 @@ def test_gaps_are_told_and_what_is_beside_them_counts() -> None:
     since = (made.angle_stamps_ns - made.angle_stamps_ns[0]) * 1e-9
     lost = ((since > 8.0) & (since < 10.5)) | ((since > 14.0) & (since < 15.0))
     readings = Readings(made.angle_stamps_ns[~lost], np.unwrap(made.angle)[~lost], made.torque_stamps_ns, made.torque)
-    found = identify(readings, told_machine(case))
+    found = identify(readings, configured_machine(case))
     assert any("gaps in the shaft angle" in note and "does not count" in note for note in found.notes)
     product = found.parameters["backing_force_N"].value * found.parameters["torque_sensor_gain"].value
     assert product == pytest.approx(1000.0, rel=0.01)

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from tests.generators import mill_recordings
+from tests.generators.configured_machine import configured_machine
 from tests.generators.faults import EXPECTED, SIZES, faulty, with_fault
 from tests.generators.mill_recordings import SPEED, MillRecording, healthy, record
 from tests.generators.planned_motion import Plan
 from tests.generators.shaft_law import Friction
-from tests.generators.told_machine import told_machine
 from textile_twin_core.comparison.fault_watch import WatchSettings
 from textile_twin_core.comparison.monitor import Monitor, Trend, monitor_recording
 from textile_twin_core.comparison.readings import Readings
@@ -27,7 +27,7 @@ _SETTINGS = WatchSettings(learn_turns=60)
 def watched(kind: str, size: float, seed: int) -> tuple[Trend, int]:
     made = faulty(kind, size, seed, duration_s=38.0, onset_s=28.0, rate=250.0)
     onset = int(made.recording.torque_stamps_ns[0] + made.onset_s * 1e9)
-    return monitor_recording(readings_of(made.recording), told_machine(made.case), _SETTINGS), onset
+    return monitor_recording(readings_of(made.recording), configured_machine(made.case), _SETTINGS), onset
 
 
 def readings_of(r: MillRecording) -> Readings:
@@ -60,9 +60,9 @@ def test_a_fault_of_a_torque_that_is_cut_off_is_named_with_its_size(
 ) -> None:
     made = faulty(kind, size, 981, duration_s=38.0, onset_s=28.0, rate=500.0)
     r = replace(made.recording, torque=np.minimum(made.recording.torque, largest_Nm))
-    monitor = Monitor(told_machine(made.case), _SETTINGS)
+    monitor = Monitor(configured_machine(made.case), _SETTINGS)
     found = [each for _, each in in_blocks(monitor, r, 1.0)] if live else []
-    found = found or [monitor_recording(readings_of(r), told_machine(made.case), _SETTINGS)]
+    found = found or [monitor_recording(readings_of(r), configured_machine(made.case), _SETTINGS)]
     alarms = [alarm for trend in found for alarm in trend.alarms]
     assert [(alarm.kind, alarm.size) for alarm in alarms] == [(EXPECTED[kind], pytest.approx(size, rel=0.03))]
     assert f"are exactly {largest_Nm:g} N m, as at the end of the range" in found[-1].notes[0]
@@ -74,7 +74,7 @@ def test_a_sensor_that_stands_still_at_its_largest_or_smallest_torque_stands_sti
     r = made.recording
     since = (r.torque_stamps_ns - r.torque_stamps_ns[0]) * 1e-9 > 28.0
     r = replace(r, torque=np.where(since, end(r.torque), r.torque))
-    trend = monitor_recording(readings_of(r), told_machine(made.case), _SETTINGS)
+    trend = monitor_recording(readings_of(r), configured_machine(made.case), _SETTINGS)
     assert [alarm.kind for alarm in trend.alarms] == ["stuck"]
 
 
@@ -97,7 +97,7 @@ def onset_turns(trend: Trend, recording: MillRecording, *onsets_s: float) -> lis
 def test_a_fault_beside_one_that_stands_is_told_too(first: tuple[str, float], second: tuple[str, float]) -> None:
     made = faulty(*first, 985, duration_s=62.0, onset_s=28.0, rate=250.0)
     both = with_fault(made.recording, made.case, *second, 48.0)
-    trend = monitor_recording(readings_of(both), told_machine(made.case), _SETTINGS)
+    trend = monitor_recording(readings_of(both), configured_machine(made.case), _SETTINGS)
     assert [alarm.kind for alarm in trend.alarms] == [EXPECTED[first[0]], EXPECTED[second[0]]]
     assert all(0.0 <= turns < 20.0 for turns in onset_turns(trend, both, 28.0, 48.0))
     told = trend.alarms[1].size
@@ -110,7 +110,7 @@ def test_a_fault_that_stands_is_told_once_and_goes_when_the_machine_is_as_learnt
     made = faulty("", 0.0, 986, duration_s=112.0, rate=250.0)
     worn = with_fault(made.recording, made.case, "friction", 0.6, 28.0, 70.0)
     worn = with_fault(worn, made.case, "sensor_gain", 0.12, 45.0, 60.0)
-    monitor = Monitor(told_machine(made.case), _SETTINGS)
+    monitor = Monitor(configured_machine(made.case), _SETTINGS)
     told, standing = [], {}
     for second, trend in in_blocks(monitor, worn, 1.0):
         told += [alarm.kind for alarm in trend.alarms]
@@ -128,11 +128,11 @@ def test_an_alarm_at_another_speed_than_learnt_says_so(viscous_Nms: float, monke
     plan = Plan([(time, share * speed) for time, share in shares], 0.4, [(1, 0.02, 0.3)])
     monkeypatch.setattr(mill_recordings, "steady", lambda *_: plan)
     case = replace(healthy("tufting", 987, run_up=False, duration_s=80.0), friction=Friction(viscous_Nms))
-    alarms = monitor_recording(readings_of(record(case)), told_machine(case), _SETTINGS).alarms
+    alarms = monitor_recording(readings_of(record(case)), configured_machine(case), _SETTINGS).alarms
     assert len(alarms) == (viscous_Nms > 0.0)
     assert all("at another speed than learnt" in alarm.text and "learnt at 160)" in alarm.text for alarm in alarms)
     fault = with_fault(record(case), case, "friction", 1.2, 72.0)
-    alarm = monitor_recording(readings_of(fault), told_machine(case), _SETTINGS).alarms[-1]
+    alarm = monitor_recording(readings_of(fault), configured_machine(case), _SETTINGS).alarms[-1]
     assert alarm.kind == "constant_torque" and "another speed" not in alarm.text
 
 
@@ -175,7 +175,7 @@ def test_a_turn_that_the_shaft_does_not_end_lacks_no_samples(monkeypatch: pytest
     case = healthy("tufting", 988, run_up=False, duration_s=36.0)
     turns = plan.at(np.array([36.0]))[0] / (2.0 * np.pi)
     assert 0.1 < turns % 1.0 < 0.7
-    trend = monitor_recording(readings_of(record(case)), told_machine(case), _SETTINGS)
+    trend = monitor_recording(readings_of(record(case)), configured_machine(case), _SETTINGS)
     assert trend.alarms == ()
     assert trend.columns["turn"][-1] == np.floor(turns) - 1.0
 
@@ -183,7 +183,7 @@ def test_a_turn_that_the_shaft_does_not_end_lacks_no_samples(monkeypatch: pytest
 @pytest.mark.parametrize("encoder", ["as the machine", "against it", "against it, geared 1:2"])
 def test_live_in_small_blocks_finds_the_same_fault(encoder: str) -> None:
     made = faulty("needle_force", 0.2, 983, duration_s=38.0, onset_s=28.0, rate=250.0)
-    r, machine = made.recording, told_machine(made.case)
+    r, machine = made.recording, configured_machine(made.case)
     if encoder != "as the machine":
         factor = -2.0 if "geared" in encoder else -1.0
         old, sensors = machine.sensors.encoder, machine.sensors
@@ -200,7 +200,7 @@ def test_live_in_small_blocks_finds_the_same_fault(encoder: str) -> None:
 
 def test_a_shaft_that_turns_backwards_is_watched_in_the_order_of_time() -> None:
     made = faulty("", 0.0, 984, duration_s=20.0, onset_s=19.0, rate=250.0)
-    r, machine = made.recording, told_machine(made.case)
+    r, machine = made.recording, configured_machine(made.case)
     backwards = Readings(r.angle_stamps_ns, -r.angle, r.torque_stamps_ns, r.torque)
     for live in (False, True):
         monitor = Monitor(machine, _SETTINGS)
@@ -231,7 +231,7 @@ def test_a_shaft_that_stands_or_a_silent_sensor_fills_no_memory() -> None:
 
 def test_time_set_back_is_watched_on() -> None:
     """The healthy part is learnt; then the clock goes back, and the needles' force has changed."""
-    monitor = Monitor(told_machine(faulty("", 0.0, 983, duration_s=1.0, onset_s=0.5, rate=250.0).case), _SETTINGS)
+    monitor = Monitor(configured_machine(faulty("", 0.0, 983, duration_s=1.0, onset_s=0.5, rate=250.0).case), _SETTINGS)
     alarms = []
     for kind, size in (("", 0.0), ("needle_force", 0.2)):
         made = faulty(kind, size, 983, duration_s=30.0, onset_s=1.0, rate=250.0).recording
@@ -251,5 +251,5 @@ def test_one_wrong_value_among_those_learnt_from_hides_no_fault(wrong_Nm: float)
     torque = r.torque.copy()
     torque[len(torque) // 4] = wrong_Nm
     readings = Readings(r.angle_stamps_ns, r.angle, r.torque_stamps_ns, torque)
-    trend = monitor_recording(readings, told_machine(made.case), _SETTINGS)
+    trend = monitor_recording(readings, configured_machine(made.case), _SETTINGS)
     assert [alarm.kind for alarm in trend.alarms] == ["constant_torque"]

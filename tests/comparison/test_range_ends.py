@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from tests.campaign import more
+from tests.generators.configured_machine import configured_machine
 from tests.generators.mill_recordings import healthy, record
-from tests.generators.told_machine import told_machine
 from textile_twin_core.comparison import Readings, assess, calibrate
 from textile_twin_core.comparison.range_ends import at_range_ends
 
@@ -21,10 +21,10 @@ def test_a_torque_that_is_cut_off_accuses_nobody(machine: str, largest_Nm: float
     made = record(replace(case, torque=replace(case.torque, gain=1.04, delay_s=0.002)))
     torque = np.clip(made.torque, -largest_Nm, largest_Nm)
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, torque)
-    found = assess(readings, told_machine(case))
+    found = assess(readings, configured_machine(case))
     assert {cause.cause for cause in found.verdict} == {"torque_gain", "delay"}
     assert any(f"{largest_Nm:g} N m, as at the end of the range" in note for note in found.notes)
-    settled = calibrate(readings, told_machine(case))
+    settled = calibrate(readings, configured_machine(case))
     exact = settled.given_file["torque.gain"]
     assert abs(exact.value - 1.04) < 4.0 * exact.sigma < 0.01
     assert abs(settled.gain.value - 1.04) < 3.0 * settled.gain.sigma < 0.06  # the file's masses give no better scale

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.generators.configured_machine import configured_machine
 from tests.generators.mill_recordings import healthy, torque_of
 from tests.generators.planned_motion import run_up_and_down
 from tests.generators.shaft_law import Friction
-from tests.generators.told_machine import told_machine
 from textile_twin_core.comparison.evidence import Evidence
 from textile_twin_core.comparison.repeating_motion import excess_of, repeating_motion
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
@@ -37,7 +37,7 @@ def record(seed: int, errors: str) -> tuple[TorqueModel, ShaftTrack, dict[str, f
         wave = 1.5e-4 * np.exp(9.0j * theta)
         off, off1, off2 = wave.real, (9.0j * wave).real * omega, (-81.0 * wave).real * omega**2
     track = ShaftTrack(TIME, theta + off, omega + off1, alpha + off2, 0.01)
-    machine = told_machine(case)
+    machine = configured_machine(case)
     evidence = Evidence(TIME, torque, track, TorqueTerms(machine), 20.0)
     model = TorqueModel(evidence, machine, 1, 0.002)
     excess = excess_of(track, TIME, np.mod(theta + 3e-4 * rng.standard_normal(TIME.size), TURN), TURN)

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.generators.configured_machine import configured_machine
 from tests.generators.mill_recordings import START_NS, healthy, torque_of
 from tests.generators.planned_motion import steady
-from tests.generators.told_machine import told_machine
 from textile_twin_core.comparison import Readings, assess
 from textile_twin_core.comparison.fault_watch import WatchSettings
 from textile_twin_core.comparison.monitor import Monitor
@@ -44,7 +44,7 @@ def readings() -> Readings:
 
 
 def machine(pitch: tuple[float, ...] | None) -> Machine:
-    told = told_machine(CASE)
+    told = configured_machine(CASE)
     encoder = Encoder(teeth=TEETH, missing_teeth=MISSING, pitch_errors_rad=pitch)
     return replace(told, sensors=Sensors(encoder, told.sensors.torque))
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from tests.campaign import more
-from tests.generators.governed_motion import governed_motion
+from tests.generators.configured_machine import configured_machine
 from tests.generators.mill_recordings import Case, healthy, record
-from tests.generators.told_machine import told_machine
+from tests.generators.speed_controlled_motion import speed_controlled_motion
 from textile_twin_core.comparison import Assessment, Readings, assess, calibrate, identify
 from textile_twin_core.comparison.evidence import Evidence
 from textile_twin_core.comparison.shaft_track import ShaftTrack
@@ -37,7 +37,7 @@ def speed_controlled(
     jitter_s: float = 3e-5,
 ) -> Readings:
     """13 bits and torque at 1 kHz; noise of 0.05 N m."""
-    fine, angle, _, torque = governed_motion(case, gain_Nms, speeds)
+    fine, angle, _, torque = speed_controlled_motion(case, gain_Nms, speeds)
     rng = np.random.default_rng([1, 13])
     time, step = np.arange(0.1, 23.9, 0.001), 2.0 * np.pi / 2**13
     true = time + jitter_s * rng.standard_normal(time.size)
@@ -55,13 +55,13 @@ def inertia(found: Assessment) -> float:
 
 @pytest.mark.parametrize("machine", ["tufting", "loom"])
 def test_in_a_run_up_it_is_told_with_its_number_and_nothing_else(machine: str) -> None:
-    found = assess(planned(heavier(machine)), told_machine(heavier(machine)))
+    found = assess(planned(heavier(machine)), configured_machine(heavier(machine)))
     assert inertia(found) == pytest.approx(ADDED_KGM2, rel=0.02)
     assert len(found.verdict) == 1 and found.explained > 0.998
 
 
 def test_the_torque_sensor_gets_no_gain_of_it() -> None:
-    found = calibrate(planned(heavier("tufting")), told_machine(heavier("tufting")))
+    found = calibrate(planned(heavier("tufting")), configured_machine(heavier("tufting")))
     assert found.gain.value == pytest.approx(1.0, abs=4.0 * found.gain.sigma) and found.gain.sigma < 0.02
     exact = found.given_file["torque.gain"]
     assert exact.value == pytest.approx(1.0, abs=4.0 * exact.sigma) and exact.sigma < 0.01
@@ -74,13 +74,13 @@ def test_under_a_controller_of_the_speed_it_is_no_delay(machine: str) -> None:
     """The torque is then 25 ms late by the looks of it, and a tufting machine's sign was found reversed."""
     case = heavier(machine)
     readings = speed_controlled(case, 2.0)
-    found = assess(readings, told_machine(case))
+    found = assess(readings, configured_machine(case))
     assert inertia(found) == pytest.approx(ADDED_KGM2, rel=0.04)
     assert {each.cause for each in found.verdict} <= {"unmodelled_inertia", "clocks_drift"}
-    settled = calibrate(readings, told_machine(case))
+    settled = calibrate(readings, configured_machine(case))
     assert settled.delay_s.value == 0.0 and settled.gain.value == pytest.approx(1.0, abs=0.05)
     assert any("inertia" in each.between for each in settled.ambiguous)
-    identified = identify(readings, told_machine(case))
+    identified = identify(readings, configured_machine(case))
     assert identified.parameters["added_inertia_kgm2"].value == pytest.approx(ADDED_KGM2, rel=0.04)
     lost = {each.name: each.text for each in identified.not_identifiable}
     assert "follows the speed" in lost["torque_sensor_delay_s"]
@@ -91,7 +91,7 @@ def test_under_a_controller_of_the_speed_it_is_no_delay(machine: str) -> None:
 def test_thirty_times_the_own_inertia_is_told_where_the_acceleration_leaps_with_the_load(gain_Nms: float) -> None:
     """Errors of the estimated acceleration, as torque, were larger than all that the machine's torque varies."""
     case = replace(heavier("tufting"), added_inertia_kgm2=0.2)
-    found = assess(speed_controlled(case, gain_Nms), told_machine(case))
+    found = assess(speed_controlled(case, gain_Nms), configured_machine(case))
     assert inertia(found) == pytest.approx(0.2, rel=0.02)
     assert len(found.verdict) == 1
     assert found.verdict[0].sigma < 0.005 and "for each ms" in found.verdict[0].text
@@ -102,7 +102,7 @@ def test_beside_a_sign_that_is_reversed_both_are_told() -> None:
     """A gain, the loads, friction and a zero of 144 degrees explain nearly as much of such a torque."""
     case = replace(heavier("tufting"), added_inertia_kgm2=0.2)
     readings = speed_controlled(case, 2.0)
-    sign, added = assess(replace(readings, torque=-readings.torque), told_machine(case)).verdict
+    sign, added = assess(replace(readings, torque=-readings.torque), configured_machine(case)).verdict
     assert (sign.cause, added.cause) == ("torque_sign", "unmodelled_inertia")
     assert added.value == pytest.approx(0.2, rel=0.02)
 
@@ -111,7 +111,7 @@ def test_beside_a_sign_that_is_reversed_both_are_told() -> None:
 def test_at_one_speed_it_is_named_together_with_the_delay() -> None:
     """A stiff controller's torque lags by the inertia over its gain, 1.25 ms: one speed does not separate the two."""
     case = heavier("loom")
-    (cause,) = assess(speed_controlled(case, 40.0, speeds=(14.0, 14.0)), told_machine(case)).verdict
+    (cause,) = assess(speed_controlled(case, 40.0, speeds=(14.0, 14.0)), configured_machine(case)).verdict
     assert cause.cause == "unmodelled_inertia" and "sensors.torque.delay_s" in cause.equivalents
     assert cause.value == pytest.approx(ADDED_KGM2, abs=3.0 * cause.sigma) and cause.sigma < 0.2 * ADDED_KGM2
 
@@ -122,7 +122,7 @@ def test_a_shaft_that_turns_back_has_the_speed_of_its_way() -> None:
     omega = np.where(time < 10.0, 14.0, -14.0)
     theta = 14.0 * np.minimum(time, 20.0 - time)
     track = ShaftTrack(time, theta, omega, np.zeros_like(time), 0.01)
-    terms = TorqueTerms(told_machine(heavier("loom")))
+    terms = TorqueTerms(configured_machine(heavier("loom")))
     assert abs(Evidence(time, np.zeros_like(time), track, terms, 10.0).working_speed()) == pytest.approx(14.0, rel=0.01)
 
 
@@ -133,7 +133,7 @@ def test_a_shaft_that_turns_back_has_the_speed_of_its_way() -> None:
 def test_the_one_of_a_little_inertia_and_a_delay_names_the_other(added_kgm2: float, late_s: float, right: str) -> None:
     """Under a controller of 2 N m s an inertia of 0.005 kg m2 acts as a delay of 2.5 ms."""
     case = replace(heavier("loom"), added_inertia_kgm2=added_kgm2)
-    (cause,) = assess(speed_controlled(case, 2.0, late_s), told_machine(case)).verdict
+    (cause,) = assess(speed_controlled(case, 2.0, late_s), configured_machine(case)).verdict
     assert cause.cause == right and cause.value == pytest.approx(added_kgm2 or late_s, abs=3.0 * cause.sigma)
     assert ("kg m2" in cause.text and "late" in cause.text) or "lags" in cause.text
 
@@ -142,5 +142,5 @@ def test_the_one_of_a_little_inertia_and_a_delay_names_the_other(added_kgm2: flo
 def test_late_stamps_under_a_controller_accuse_nobody(machine: str, gain_Nms: float) -> None:
     """Errors of single accelerations, a part of the torque, lessen it: a gain of 0.944 +- 0.005 and stronger loads."""
     case = healthy(machine, 1, duration_s=24.0)
-    found = assess(speed_controlled(case, gain_Nms, jitter_s=3e-4), told_machine(case))
+    found = assess(speed_controlled(case, gain_Nms, jitter_s=3e-4), configured_machine(case))
     assert not found.verdict and found.explained > 0.9

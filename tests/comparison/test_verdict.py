@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from tests.campaign import more
+from tests.generators.configured_machine import configured_machine
 from tests.generators.mill_recordings import Case, MillRecording, healthy, mistaken, record
-from tests.generators.told_machine import told_machine
 from textile_twin_core.comparison import Assessment, Readings, assess, calibrate, identify
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.inference.parameter import GAIN, gain_factor
@@ -21,7 +21,9 @@ from textile_twin_core.recordings.samples import AngleSamples
 
 def judged(case: Case, made: MillRecording | None = None) -> Assessment:
     made = made or record(case)
-    return assess(Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque), told_machine(case))
+    return assess(
+        Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque), configured_machine(case)
+    )
 
 
 @pytest.mark.parametrize("machine", ["tufting", "loom"])
@@ -35,7 +37,7 @@ def test_nothing_is_said_of_a_healthy_recording(machine: str, run_up: bool) -> N
 @pytest.mark.parametrize("mass", [0.8, 1.25])
 def test_a_rocker_of_another_mass_is_named_or_an_equivalent_and_no_sensor_is_accused(mass: float) -> None:
     case = healthy("loom", 911, duration_s=24.0)
-    made, machine = record(case), told_machine(case)
+    made, machine = record(case), configured_machine(case)
     bodies = tuple(
         replace(body, mass_kg=mass * body.mass_kg, inertia_kgm2=mass * body.inertia_kgm2) if body.on == "l3" else body
         for body in machine.bodies
@@ -133,7 +135,7 @@ def test_an_angle_in_degrees_that_is_not_wrapped_is_seen_by_its_torque(ratio: fl
 def test_an_angle_that_begins_anew_once_is_not_noted_as_another_unit(turns: float, noted: bool) -> None:
     stamps = 1_000_000_000 + 5_000_000 * np.arange(round(200 * turns))
     angle = np.mod(360.0 * np.arange(stamps.size) / 200.0 + 1.0, 360.0)
-    found = assess(Readings(stamps, angle, stamps, np.zeros(stamps.size)), told_machine(healthy("tufting", 905)))
+    found = assess(Readings(stamps, angle, stamps, np.zeros(stamps.size)), configured_machine(healthy("tufting", 905)))
     assert any("--angle-unit deg" in note for note in found.notes) == noted
 
 
@@ -173,8 +175,8 @@ def test_settings_that_explain_nothing_are_not_told(noise: bool) -> None:
 @pytest.mark.parametrize(("offset", "causes"), [(140.0, ["torque_unit"]), (240.0, ["torque_unit", "torque_offset"])])
 def test_an_offset_that_is_told_is_not_accused_in_another_unit(offset: float, causes: list[str]) -> None:
     case = healthy("loom", 908, duration_s=15.0)
-    torque, told = replace(case.torque, gain=100.0, offset_Nm=offset), replace(case.told, offset_Nm=1.4)
-    assert [cause.cause for cause in judged(replace(case, torque=torque, told=told)).verdict] == causes
+    torque, configured = replace(case.torque, gain=100.0, offset_Nm=offset), replace(case.configured, offset_Nm=1.4)
+    assert [cause.cause for cause in judged(replace(case, torque=torque, configured=configured)).verdict] == causes
 
 
 def _cut(made: MillRecording, kept: np.ndarray) -> MillRecording:
@@ -217,9 +219,9 @@ def test_a_track_that_is_there_already_serves_as_well() -> None:
     case = replace(
         case,
         encoder=replace(case.encoder, direction=-1, ratio=0.5, zero_rad=0.8),
-        told=replace(case.told, direction=-1, ratio=0.5, zero_rad=0.8),
+        configured=replace(case.configured, direction=-1, ratio=0.5, zero_rad=0.8),
     )
-    made, machine = record(case), told_machine(case)
+    made, machine = record(case), configured_machine(case)
     angles = AngleSamples("main_shaft/angle", made.angle_stamps_ns, made.angle, None)
     track = recompute(angles, machine).track
     assert track is not None
@@ -244,7 +246,7 @@ def _driver_set_right(made: MillRecording, before_s: float) -> MillRecording:
 def test_angles_without_torque_before_a_recording_accuse_nobody() -> None:
     """In degrees, so that the angle in radians begins anew each turn without being seen to do so."""
     case = healthy("tufting", 908, run_up=False, duration_s=20.0)
-    made, machine = _driver_set_right(record(case), 14.0), told_machine(case)
+    made, machine = _driver_set_right(record(case), 14.0), configured_machine(case)
     angles = AngleSamples("main_shaft/angle", made.angle_stamps_ns, made.angle, None)
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
     for track in (None, recompute(angles, machine).track):
@@ -267,6 +269,6 @@ def test_a_slip_of_the_encoder_is_told_with_its_time_and_accuses_nobody(second: 
     assert float(note.split(" deg at ")[1].split(" s")[0]) == pytest.approx(second, abs=0.02)
     assert float(note.split(": ")[1].split(" deg")[0]) == pytest.approx(math.degrees(by_rad), abs=1.0)
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
-    settled = calibrate(readings, told_machine(case))
+    settled = calibrate(readings, configured_machine(case))
     assert (settled.direction, settled.sign) == (1, 1)
     assert settled.rms_after_Nm < 0.2

@@ -28,15 +28,17 @@ def _declared(name: str) -> Machine:
     return machine
 
 
-def told_machine(case: Case) -> Machine:
+def configured_machine(case: Case) -> Machine:
     """Return the machine of the user's machine file."""
-    machine, told = _declared(case.told_machine), case.told
-    if not told.friction:
+    machine, configured = _declared(case.configured_machine), case.configured
+    if not configured.friction:
         machine = replace(machine, loads=tuple(load for load in machine.loads if not isinstance(load, ShaftFriction)))
     if case.spring:
-        spring = SPRINGS[case.told_machine]
+        spring = SPRINGS[case.configured_machine]
         anchor = (spring.anchor.real, spring.anchor.imag)
         load = Spring("B", "G", spring.stiffness_N_m, spring.free_length_m)
         machine = replace(machine, points={**machine.points, "G": anchor}, loads=(*machine.loads, load))
-    encoder = Encoder(told.zero_rad, told.direction, told.ratio)
-    return replace(machine, sensors=Sensors(encoder, TorqueSensor(told.gain, told.offset_Nm, told.delay_s)))
+    encoder = Encoder(configured.zero_rad, configured.direction, configured.ratio)
+    return replace(
+        machine, sensors=Sensors(encoder, TorqueSensor(configured.gain, configured.offset_Nm, configured.delay_s))
+    )

@@ -67,10 +67,10 @@ class Case:
     """A recording's truth and the user's machine file; `spring`: both have that of `rocker_spring`."""
 
     machine: str = "tufting"
-    told_machine: str = ""
+    configured_machine: str = ""
     encoder: Encoder = field(default_factory=Encoder)
     torque: TorqueSensor = field(default_factory=TorqueSensor)
-    told: Settings = field(default_factory=Settings)
+    configured: Settings = field(default_factory=Settings)
     backing: Backing = field(default_factory=Backing)
     friction: Friction = field(default_factory=Friction)
     added_inertia_kgm2: float = 0.0
@@ -97,7 +97,7 @@ class MillRecording:
 def healthy(machine: str, seed: int, **changes: object) -> Case:
     """Return a case without a mistake; the loom has its friction, also in the file."""
     friction = LOOM_FRICTION if machine == "loom" else Friction()
-    case = Case(machine=machine, told_machine=machine, friction=friction, seed=seed)
+    case = Case(machine=machine, configured_machine=machine, friction=friction, seed=seed)
     return dataclasses.replace(case, **changes)  # type: ignore[arg-type]
 
 
@@ -194,19 +194,19 @@ def _slow(case: Case, rng: np.random.Generator) -> Case:
 
 
 def _other(case: Case, rng: np.random.Generator) -> Case:
-    return replace(case, told_machine="loom" if case.machine == "tufting" else "tufting")
+    return replace(case, configured_machine="loom" if case.machine == "tufting" else "tufting")
 
 
 def _half_turn(case: Case, rng: np.random.Generator) -> Case:
     # switched on in the second half of the shaft's turn, which the wrapped encoder reports as the first
     start = float(rng.uniform(3.3, 5.2))
-    told = replace(case.told, ratio=0.5)
-    return replace(case, encoder=replace(case.encoder, ratio=0.5), told=told, start_rad=start)
+    configured = replace(case.configured, ratio=0.5)
+    return replace(case, encoder=replace(case.encoder, ratio=0.5), configured=configured, start_rad=start)
 
 
 def _friction(case: Case, rng: np.random.Generator) -> Case:
     friction = Friction(float(rng.uniform(0.0, 0.06)), float(rng.uniform(0.8, 2.0)))
-    return replace(case, friction=friction, told=replace(case.told, friction=False))
+    return replace(case, friction=friction, configured=replace(case.configured, friction=False))
 
 
 def _force(case: Case, rng: np.random.Generator) -> Case:

@@ -15,7 +15,9 @@ _STEP_S, _ANGLES = 2e-4, 4096
 _State = tuple[float, float, float]
 
 
-def governed_motion(case: Case, gain_Nms: float, speeds: tuple[float, float]) -> tuple[Floats, Floats, Floats, Floats]:
+def speed_controlled_motion(
+    case: Case, gain_Nms: float, speeds: tuple[float, float]
+) -> tuple[Floats, Floats, Floats, Floats]:
     """Integrate time [s] and the shaft's angle [rad], speed [rad/s] and torque [N m] of a case's machine, (n,) each.
 
     The speed starts at the first value and changes to the second between 45 % and 55 % of the time. The method is the

@@ -9,8 +9,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from tests.generators.configured_machine import configured_machine
 from tests.generators.mill_recordings import Case
-from tests.generators.told_machine import told_machine
 from textile_twin_core.errors import MachineError
 from textile_twin_core.inference.priors import WorkingPoint, parameter_path, parameters
 from textile_twin_core.machine import Machine
@@ -25,7 +25,7 @@ _OFF = ("mass", "inertia", "centroid", "length", "ground", "force", "spring")
 def wrong_files(case: Case) -> Iterator[tuple[str, float, Machine]]:
     """One file for each kind of mistake: path of the wrong number, the factor on it, and the machine of the file."""
     rng = np.random.default_rng([case.seed, 99])
-    machine = told_machine(case)
+    machine = configured_machine(case)
     values, paths = read(machine), {slot.name: parameter_path(slot) for slot in slots(machine)}
     for what, (least, most) in (SPRING_MISTAKES if case.spring else MISTAKES).items():
         name = str(rng.choice([each for each in values if each.endswith(what) and values[each]]))
@@ -41,7 +41,7 @@ def wrong_files(case: Case) -> Iterator[tuple[str, float, Machine]]:
 def off_within_tolerances(case: Case) -> Machine:
     """The file with every number of bodies, lengths, points and forces off by its everyday tolerance."""
     rng = np.random.default_rng([case.seed, 5])
-    machine = told_machine(case)
+    machine = configured_machine(case)
     known, held = parameters(machine, WorkingPoint(1.0, 1.0, 1.0))
     values = read(machine)
     moved = {

@@ -17,11 +17,11 @@ class Bridged:
         self.angles: list[JointState] = []
         self.torques: list[WrenchStamped] = []
         self.predicted: list[WrenchStamped] = []
-        self.told: list[DiagnosticStatus] = []
+        self.states: list[DiagnosticStatus] = []
         node.create_subscription(JointState, "main_shaft/angle", self.angles.append, RELIABLE)
         node.create_subscription(WrenchStamped, "balancing_torque/measured", self.torques.append, RELIABLE)
         node.create_subscription(WrenchStamped, "balancing_torque/predicted", self.predicted.append, RELIABLE)
         node.create_subscription(DiagnosticArray, "/diagnostics", lambda said: self._hear(said, status), RELIABLE)
 
     def _hear(self, said: DiagnosticArray, name: str) -> None:
-        self.told.extend(status for status in said.status if status.name == name)
+        self.states.extend(status for status in said.status if status.name == name)

@@ -106,7 +106,7 @@ class Feeder:
 
 
 @pytest.mark.slow
-def test_every_fault_is_told(suite: Suite) -> None:
+def test_every_fault_is_reported(suite: Suite) -> None:
     twin = suite.start("twin_node")
     node = suite.node()
     heard: list[DiagnosticStatus] = []
@@ -172,7 +172,7 @@ TORQUE_FAULTS: dict[str, tuple[Callable[[int], WrenchStamped], bytes, str]] = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["twin_node", *more("monitor_node")])
-def test_torques_that_do_not_serve_are_told(suite: Suite, name: str) -> None:
+def test_torques_that_do_not_serve_are_reported(suite: Suite, name: str) -> None:
     suite.start(name)
     node = suite.node()
     heard: list[DiagnosticStatus] = []
@@ -203,7 +203,7 @@ def test_torques_that_do_not_serve_are_told(suite: Suite, name: str) -> None:
 @pytest.mark.parametrize(
     ("hours", "words"), [(1, "3600.0 s ahead of the angle's"), *more((-1, "3600.0 s behind the angle's"))]
 )
-def test_clocks_that_differ_are_told_where_residuals_stay_away(suite: Suite, hours: int, words: str) -> None:
+def test_clocks_that_differ_are_reported_where_residuals_stay_away(suite: Suite, hours: int, words: str) -> None:
     suite.start("twin_node")
     node = suite.node()
     heard: list[DiagnosticStatus] = []

@@ -41,7 +41,9 @@ def test_a_level_that_changes_is_published_with_the_next_look(suite: Suite) -> N
     assert len(heard) < len(looks)
 
 
-def test_publishers_are_told_by_their_names_which_may_come_late(suite: Suite, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_publishers_are_reported_by_their_names_which_may_come_late(
+    suite: Suite, monkeypatch: pytest.MonkeyPatch
+) -> None:
     node, now = suite.node(), [100.0]
     monkeypatch.setattr(sample_inputs, "monotonic", lambda: now[0])
     kind = sample_inputs.TORQUE_READERS["wrench"]
@@ -75,15 +77,15 @@ def test_the_rate_is_that_of_the_last_second(suite: Suite, monkeypatch: pytest.M
     now = [0.0]
     monkeypatch.setattr(diagnostics, "time", SimpleNamespace(monotonic=lambda: now[0]))
     watch = InputWatch(suite.node(), "/angle", lambda: 2.0, lambda: "nobody publishes there")
-    told = []
+    states = []
     for look in range(12):
         now[0] += 0.5
         watch.took(50 if look < 6 else 100)
-        told.append(watch.status("angle", {}).message)
-    assert told[3:6] == ["100.0 Hz"] * 3 and told[8:] == ["200.0 Hz"] * 4
+        states.append(watch.status("angle", {}).message)
+    assert states[3:6] == ["100.0 Hz"] * 3 and states[8:] == ["200.0 Hz"] * 4
 
 
-def test_silence_that_lasts_is_told_ever_more_seldom(
+def test_silence_that_lasts_is_reported_ever_more_seldom(
     suite: Suite, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     now = [0.0]

@@ -67,8 +67,8 @@ def test_edges_and_current_live_as_offline(suite: Suite, tmp_path: Path) -> None
     angle = node.create_publisher(Header, "main_shaft/angle", RELIABLE)
     index = node.create_publisher(Header, "main_shaft/index", RELIABLE)
     torque = node.create_publisher(JointState, "balancing_torque/measured", RELIABLE)
-    told = (*TOLD, "index:=true", "torque_type:=joint_state", f"torque_unit_Nm:={UNIT_NM}")
-    suite.start("twin_node", *told, "wait_for:=[balancing_torque/predicted]")
+    words = (*TOLD, "index:=true", "torque_type:=joint_state", f"torque_unit_Nm:={UNIT_NM}")
+    suite.start("twin_node", *words, "wait_for:=[balancing_torque/predicted]")
     suite.spin_until(lambda: all(p.get_subscription_count() for p in (angle, index, torque)), "the twin")
     suite.spin_until(lambda: said and "residual" in said[-1], "residuals, once it has heard of the torque's publisher")
     template = HeaderTemplate("main_shaft")
@@ -92,7 +92,7 @@ def test_edges_and_current_live_as_offline(suite: Suite, tmp_path: Path) -> None
         assert message.wrench.torque.z == pytest.approx(known[stamp_of(message)], abs=1e-9)
 
 
-def test_edges_that_cannot_be_counted_are_told_at_the_start(suite: Suite) -> None:
+def test_edges_that_cannot_be_counted_are_reported_at_the_start(suite: Suite) -> None:
     program = suite.start("twin_node", "angle_type:=edges", "encoder_teeth:=60")
     assert program.wait() == 2
     assert "nothing marks tooth 0 of the wheel: set missing_teeth of the encoder" in program.words()

@@ -168,7 +168,7 @@ def test_a_mistake_is_one_line_and_code_2(
     assert not (tmp_path / "played2").exists()
 
 
-def test_a_parameter_without_its_option_is_told(capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_parameter_without_its_option_is_reported(capfd: pytest.CaptureFixture[str]) -> None:
     with keep_signals():
         twin = importlib.import_module("textile_twin_ros.twin_node")
         assert twin.main(["twin_node", "--ros-args", "machine:=tufting"]) == 2
@@ -186,7 +186,9 @@ def test_a_parameter_without_its_option_is_told(capfd: pytest.CaptureFixture[str
         ("main_shaft/angle", "write -r FROM:=TO"),
     ],
 )
-def test_a_name_that_cannot_be_is_told_with_what_can(remap: str, words: str, capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_name_that_cannot_be_is_reported_with_what_can(
+    remap: str, words: str, capfd: pytest.CaptureFixture[str]
+) -> None:
     with keep_signals():
         twin = importlib.import_module("textile_twin_ros.twin_node")
         assert twin.main(["twin_node", "--ros-args", "-r", remap]) == 2
@@ -220,7 +222,7 @@ def test_help_lists_every_parameter(capfd: pytest.CaptureFixture[str]) -> None:
             assert f"  {field.name}:=" in text
 
 
-def test_a_missing_core_is_told(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_missing_core_is_reported(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setitem(sys.modules, "textile_twin_core", None)
     for name in [name for name in sys.modules if name.startswith(("textile_twin_ros.", "textile_twin_core."))]:
         if name != "textile_twin_ros.commands":
@@ -237,7 +239,7 @@ def test_a_mistake_ends_the_process_with_code_2(suite: Suite) -> None:
     assert len(program.words().splitlines()) == 1
 
 
-def test_unknown_parameters_are_told(suite: Suite) -> None:
+def test_unknown_parameters_are_reported(suite: Suite) -> None:
     program = suite.start("twin_node", "machin:=tufting")
     program.wait_for_words("parameter 'machin' is not one of this node's; did you mean 'machine'?")
 

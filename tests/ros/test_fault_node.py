@@ -15,9 +15,9 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from tests.full_disk import full_disk
+from tests.generators.configured_machine import configured_machine
 from tests.generators.faults import faulty, with_fault
 from tests.generators.mill_recordings import MillRecording
-from tests.generators.told_machine import told_machine
 from tests.recordings.test_fault_book import FRICTION, NEEDLE
 from tests.ros.suite import RELIABLE, SECOND_NS, Program, Suite
 from tests.ros.test_recorder_without_room import no_room
@@ -149,7 +149,7 @@ def test_a_monitor_goes_on_where_a_killed_one_stopped(tmp_path: Path) -> None:
     """The second watch knows the band and the alarm: it raises none again, and clears the one that has gone."""
     made = faulty("friction", 0.6, 985, duration_s=60.0, onset_s=28.0, rate=250.0)
     healthy_again = with_fault(faulty("", 0.0, 985, 60.0, rate=250.0).recording, made.case, "friction", 0.6, 28.0, 42.0)
-    machine, settings = told_machine(made.case), WatchSettings(learn_turns=60)
+    machine, settings = configured_machine(made.case), WatchSettings(learn_turns=60)
     raised: Counter[str] = Counter()
     for begin_s, end_s in ((0.0, 38.0), (40.0, 60.0)):
         monitor, log = Monitor(machine, settings), FaultLog(str(tmp_path), "/", "tufting")

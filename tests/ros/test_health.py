@@ -62,22 +62,22 @@ def test_nothing_received_is_no_share() -> None:
 
 def test_what_is_over_is_forgotten_after_the_window() -> None:
     recent = Recent(window_s=5.0)
-    told = []
+    states = []
     for second in range(20):
         bad = 50.0 * min(second, 3)  # from second 1 to 3
         growth = recent.growth({"received": 500.0 * second, "outliers": bad}, now=100.0 + second)
-        told.append(level(growth) != OK)
-    assert told == [False] + [True] * 7 + [False] * 12
+        states.append(level(growth) != OK)
+    assert states == [False] + [True] * 7 + [False] * 12
 
 
-def test_counts_that_begin_anew_are_no_growth_of_what_was() -> None:
+def test_counts_that_restart_are_no_growth_of_what_was() -> None:
     recent = Recent(window_s=5.0)
     recent.growth({"received": 1000.0, "gaps": 3.0}, now=0.0)
     recent.growth({"received": 1500.0, "gaps": 3.0}, now=6.0)
     assert recent.growth({"received": 20.0, "gaps": 1.0}, now=7.0) == {"received": 520.0, "gaps": 1.0}
 
 
-def test_a_unit_other_than_radians_is_told_with_the_parameter_that_mends_it() -> None:
+def test_a_unit_other_than_radians_is_reported_with_the_parameter_that_mends_it() -> None:
     angle = np.mod(0.05 * np.arange(1000), 2.0 * np.pi)
     assert not unit_findings(np.empty(0), 1.0) and not unit_findings(angle, 1.0)
     (finding,) = unit_findings(np.rint(angle * 4096 / (2.0 * np.pi)) % 4096, 1.0)
@@ -119,14 +119,14 @@ def test_residual_against_its_limit_or_the_measured_torque() -> None:
     assert not residual_findings(3.1, 3.0, 3.2) and residual_findings(0.3, 3.0, 0.2)
 
 
-def test_torques_that_all_go_without_a_residual_are_told() -> None:
+def test_torques_that_all_go_without_a_residual_are_reported() -> None:
     assert not stalled_findings({"given": 0.0}, 0.02)
     assert not stalled_findings({"given": 1.0, "load jumps there": 20.0}, 3600.0)
     (finding,) = stalled_findings({"given": 0.0, "not finite": 0.0, "stamp not after the one before": 2500.0}, math.nan)
     assert finding.level == WARN and "2500 stamp not after the one before" in finding.text
 
 
-def test_the_worst_level_stays_and_all_texts_are_told() -> None:
+def test_the_worst_level_stays_and_all_texts_are_reported() -> None:
     stale = Status("angle", STALE, "no data", {"age_s": 3.0})
     both = judged(stale, sample_findings({"received": 10.0, "outliers": 10.0, "gaps": 1.0}, "messages"))
     assert both.level == STALE and both.tell.keys() == {"unfit", "gaps"} and both.values == stale.values

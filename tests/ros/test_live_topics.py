@@ -69,7 +69,7 @@ def start_twin(suite: Suite, *parameters: str, **words: Any) -> Any:
 
 
 @pytest.mark.slow
-def test_silence_is_told(suite: Suite) -> None:
+def test_silence_is_reported(suite: Suite) -> None:
     # In recorded time, too, which does not go on when nothing is played.
     twin = suite.start("twin_node", "no_data_timeout_s:=0.5", "use_sim_time:=true")
     bench = Bench(suite, namespace="/elsewhere")
@@ -88,7 +88,7 @@ def test_silence_is_told(suite: Suite) -> None:
 
 
 @pytest.mark.slow
-def test_another_type_is_told(suite: Suite) -> None:
+def test_another_type_is_reported(suite: Suite) -> None:
     twin = suite.start("twin_node", "no_data_timeout_s:=0.5")
     Bench(suite, msgtype=Float64)
     twin.wait_for_words("this node wants sensor_msgs/msg/JointState")
@@ -126,13 +126,13 @@ def test_bad_samples_are_rejected_and_counted(suite: Suite) -> None:
     assert bench.torques[0].header.frame_id == "main_shaft"
     assert bench.points[0].header.frame_id == "base"
 
-    def told() -> bool:
+    def states() -> bool:
         if "main_shaft/angle" not in bench.diagnostics:
             return False
         values = bench.values("main_shaft/angle")
         return values["accepted"] == "300" and values["other_joints"] == "1"  # which came last
 
-    suite.spin_until(told, "diagnostics")
+    suite.spin_until(states, "diagnostics")
     values = bench.values("main_shaft/angle")
     assert (values["rejected_not_finite"], values["rejected_duplicate_stamp"], values["rejected_older_stamp"]) == (
         "2", "1", "1",
@@ -156,7 +156,7 @@ def test_messages_that_are_refused_do_not_flood_the_log(suite: Suite) -> None:
     assert "there are robot_0_xxx" in line and len(line) < 500
 
 
-def test_a_recording_played_again_begins_anew(suite: Suite) -> None:
+def test_a_recording_played_again_restarts(suite: Suite) -> None:
     start_twin(suite)
     bench = Bench(suite)
     stamps, angles = shaft_angles(1000)
@@ -212,19 +212,19 @@ def test_a_namespace_is_a_machine(suite: Suite) -> None:
     assert words.end() == 0
 
 
-def test_what_nobody_hears_is_not_computed(suite: Suite) -> None:
+def test_outputs_without_a_listener_are_not_computed(suite: Suite) -> None:
     suite.start("twin_node")
     node: Node = suite.node()
-    told: list[str] = []
+    states: list[str] = []
     node.create_subscription(
         DiagnosticArray,
         "/diagnostics",
-        lambda message: told.extend(status.message for status in message.status if status.name.endswith(": outputs")),
+        lambda message: states.extend(status.message for status in message.status if status.name.endswith(": outputs")),
         RELIABLE,
     )
-    suite.spin_until(lambda: told and told[-1] == "computing nothing: nobody listens", "diagnostics")
+    suite.spin_until(lambda: states and states[-1] == "computing nothing: nobody listens", "diagnostics")
     node.create_subscription(PointStamped, "needle/position", lambda message: None, RELIABLE)
-    suite.spin_until(lambda: told[-1] == "computing needle/position", "diagnostics of one subscriber")
+    suite.spin_until(lambda: states[-1] == "computing needle/position", "diagnostics of one subscriber")
 
 
 @pytest.mark.slow

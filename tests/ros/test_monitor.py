@@ -17,9 +17,9 @@ from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
+from tests.generators.configured_machine import configured_machine
 from tests.generators.faults import faulty, with_fault
 from tests.generators.mill_recordings import MillRecording
-from tests.generators.told_machine import told_machine
 from tests.ros.suite import RELIABLE, SECOND_NS, Suite, node_environment, shaft_angles
 from tests.ros.test_live_topics import joint_state
 from textile_twin_core.comparison.fault_watch import WatchSettings
@@ -39,17 +39,17 @@ def test_a_fault_is_on_the_diagnostics(suite: Suite) -> None:
     trends = suite.folder / "trends"
     node = suite.start("monitor_node", "learn_turns:=40", f"parquet:={trends}", "rate_hz:=20000.0")
     listener = suite.node()
-    told: list[str] = []
+    states: list[str] = []
 
     def take(message: DiagnosticArray) -> None:
-        told.extend(state.message for state in message.status if state.name == "monitor_node: faults")
+        states.extend(state.message for state in message.status if state.name == "monitor_node: faults")
 
     listener.create_subscription(DiagnosticArray, "/diagnostics", take, RELIABLE)
-    suite.spin_until(lambda: told, "the monitor")
+    suite.spin_until(lambda: states, "the monitor")
     waits = 'wait_for:=["main_shaft/angle", "balancing_torque/measured"]'
     replay = suite.start("replay_node", f"bag:={bag}", waits, "rate:=4.0")
     assert replay.wait() == 0, suite.words()
-    suite.spin_until(lambda: any("needle side" in text for text in told), "an alarm")
+    suite.spin_until(lambda: any("needle side" in text for text in states), "an alarm")
     assert node.end() == 0, node.words()
     assert list(trends.glob("trend_*.parquet"))
 
@@ -57,12 +57,12 @@ def test_a_fault_is_on_the_diagnostics(suite: Suite) -> None:
 def test_stamps_that_go_back_are_watched_on(suite: Suite) -> None:
     monitor = suite.start("monitor_node")
     node = suite.node()
-    told: dict[str, str] = {}
+    states: dict[str, str] = {}
 
     def take(message: DiagnosticArray) -> None:
         for status in message.status:
             if status.name == "monitor_node: main_shaft/angle":
-                told.update({entry.key: entry.value for entry in status.values})
+                states.update({entry.key: entry.value for entry in status.values})
 
     node.create_subscription(DiagnosticArray, "/diagnostics", take, RELIABLE)
     publisher = node.create_publisher(JointState, "main_shaft/angle", RELIABLE)
@@ -71,7 +71,7 @@ def test_stamps_that_go_back_are_watched_on(suite: Suite) -> None:
         for stamp, angle in zip(*shaft_angles(1000), strict=True):
             publisher.publish(joint_state(stamp, angle))
     # Nine of the second time go until it is known that it has begun.
-    suite.spin_until(lambda: told.get("set_back") == "1" and told["accepted"] == "991", "the second time")
+    suite.spin_until(lambda: states.get("set_back") == "1" and states["accepted"] == "991", "the second time")
     assert monitor.end() == 0, monitor.words()
 
 
@@ -104,7 +104,7 @@ def test_all_faults_that_stand_are_on_the_diagnostics(tmp_path: Path, monkeypatc
     made = faulty("friction", 0.6, 985, duration_s=62.0, onset_s=28.0, rate=250.0)
     both = with_fault(made.recording, made.case, "sensor_gain", 0.12, 48.0)
     with monitor_in_here(tmp_path, monkeypatch) as node:
-        node._monitor = Monitor(told_machine(made.case), WatchSettings(learn_turns=60))
+        node._monitor = Monitor(configured_machine(made.case), WatchSettings(learn_turns=60))
         give(node, both)
         node._look()
         faults = node._faults()
@@ -113,7 +113,7 @@ def test_all_faults_that_stand_are_on_the_diagnostics(tmp_path: Path, monkeypatc
     assert faults.level == ERROR
 
 
-def test_the_trend_is_written_meanwhile_and_what_does_not_go_is_kept(
+def test_the_trend_is_written_meanwhile_and_an_unwritten_one_stays(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = tmp_path / "trends"
@@ -158,8 +158,8 @@ def test_a_folder_that_stays_away_costs_the_oldest_of_the_trend_and_no_memory(
     assert len(re.findall(r"; too much waits: the trend of the turns \d+ to \d+ is dropped", words)) == 3
 
 
-def with_torques(made: MillRecording, kept: slice) -> MillRecording:
-    return replace(made, torque=made.torque[kept], torque_stamps_ns=made.torque_stamps_ns[kept])
+def with_torques(made: MillRecording, chosen: slice) -> MillRecording:
+    return replace(made, torque=made.torque[chosen], torque_stamps_ns=made.torque_stamps_ns[chosen])
 
 
 SPOILT: dict[str, tuple[Callable[[MillRecording], MillRecording], str]] = {
@@ -175,49 +175,51 @@ SPOILT: dict[str, tuple[Callable[[MillRecording], MillRecording], str]] = {
 
 
 @pytest.mark.parametrize("kind", SPOILT)
-def test_turns_that_are_not_watched_are_told_with_the_reason(
+def test_turns_that_are_not_watched_are_reported_with_the_reason(
     kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The band is learnt in 12 s; then the torque is spoilt for 8."""
     whole = faulty("", 0.0, 985, duration_s=20.0, onset_s=19.0, rate=200.0).recording
     spoil, reason = SPOILT[kind]
-    told = []
+    states = []
     trends = tmp_path / "trends"
     with monitor_in_here(tmp_path, monkeypatch, f"parquet:={trends}") as node:
         for second in range(20):
             made = a_second_of(whole, second)
             give(node, made if second < 12 else spoil(made))
             node._look()
-            told.append(next(status for status in node._statuses() if status.name == "faults"))
+            states.append(next(status for status in node._statuses() if status.name == "faults"))
             if second == 13:
                 node._write_meanwhile()
                 written = len(list(trends.iterdir()))
         node._write_meanwhile()  # of no turn there is nothing to write
         assert len(list(trends.iterdir())) == written + (not reason)
-        assert (told[11].level, told[11].message) == (OK, "as learnt")
+        assert (states[11].level, states[11].message) == (OK, "as learnt")
         if not reason:
-            assert (told[-1].level, told[-1].message) == (OK, "as learnt")
+            assert (states[-1].level, states[-1].message) == (OK, "as learnt")
             return
-        assert told[-1].level == WARN and reason in told[-1].message, told[-1].message
-        assert told[-1].message.startswith("no turn watched for ") and told[-1].message.endswith("; as learnt")
-        assert [status.level for status in told[12:16]] == [OK] * 4
+        assert states[-1].level == WARN and reason in states[-1].message, states[-1].message
+        assert states[-1].message.startswith("no turn watched for ") and states[-1].message.endswith("; as learnt")
+        assert [status.level for status in states[12:16]] == [OK] * 4
         node._learn_again(Trigger.Request(), Trigger.Response())
         assert node._statuses()[-1].level == OK
 
 
-def test_a_torque_that_grows_beyond_its_sensors_range_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_torque_that_grows_beyond_its_sensors_range_is_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The sensor ends at 17.6 N m, which a healthy machine does not reach; from the twelfth second on it is used."""
     whole = faulty("needle_force", 0.2, 981, duration_s=20.0, onset_s=12.0, rate=500.0).recording
     whole = replace(whole, torque=np.minimum(whole.torque, 17.6))
-    told = []
+    states = []
     with monitor_in_here(tmp_path, monkeypatch) as node:
         for second in range(20):
             give(node, a_second_of(whole, second))
             node._look()
-            told.append(next(status for status in node._statuses() if status.name == "faults"))
-    assert (told[11].level, told[11].message) == (OK, "as learnt")
-    assert "are exactly 17.6 N m, as at the end of the range" in told[-1].message
-    assert "needle side: the loads changed by +19.9" in told[-1].message and told[-1].level == ERROR
+            states.append(next(status for status in node._statuses() if status.name == "faults"))
+    assert (states[11].level, states[11].message) == (OK, "as learnt")
+    assert "are exactly 17.6 N m, as at the end of the range" in states[-1].message
+    assert "needle side: the loads changed by +19.9" in states[-1].message and states[-1].level == ERROR
 
 
 def a_second_of(whole: MillRecording, second: int) -> MillRecording:

@@ -53,8 +53,8 @@ def test_all_machines_live_as_offline(suite: Suite) -> None:
     heard: dict[str, list[JointState]] = {name: [] for name in ttc.machines.NAMES}
     publishers = []
     for name, messages in heard.items():
-        told = (f"machine:={name}", "wait_for:=[joint_states]", "qos_depth:=10000")
-        suite.start("twin_node", *told, remaps=[f"__ns:=/{name}"])
+        words = (f"machine:={name}", "wait_for:=[joint_states]", "qos_depth:=10000")
+        suite.start("twin_node", *words, remaps=[f"__ns:=/{name}"])
         node.create_subscription(JointState, f"/{name}/joint_states", messages.append, RELIABLE)
         publishers.append(node.create_publisher(JointState, f"/{name}/main_shaft/angle", RELIABLE))
     suite.spin_until(lambda: all(publisher.get_subscription_count() for publisher in publishers), "all twins")

@@ -117,7 +117,7 @@ def plc() -> Iterator[Plc]:
 def test_a_machine_behind_an_opc_ua_server(suite: Suite, plc: Plc) -> None:
     node = suite.node()
     heard = Bridged(node, "opcua_node: plc")
-    angles, torques, predicted, told = heard.angles, heard.torques, heard.predicted, heard.told
+    angles, torques, predicted, states = heard.angles, heard.torques, heard.predicted, heard.states
     bridge = suite.start(
         "opcua_node",
         f"url:=opc.tcp://127.0.0.1:{plc.port}",
@@ -169,9 +169,9 @@ def test_a_machine_behind_an_opc_ua_server(suite: Suite, plc: Plc) -> None:
     suite.spin_until(
         lambda: plc.call(plc.nodes["Predicted"].read_value()) == pytest.approx(latest, abs=1e-5), "the prediction there"
     )
-    told.clear()
-    suite.spin_until(lambda: told, "diagnostics")
-    assert told[-1].level == DiagnosticStatus.OK, told[-1].message
+    states.clear()
+    suite.spin_until(lambda: states, "diagnostics")
+    assert states[-1].level == DiagnosticStatus.OK, states[-1].message
 
     plc.close()
     bridge.wait_for_words("trying again every second")
@@ -187,7 +187,7 @@ def test_a_machine_behind_an_opc_ua_server(suite: Suite, plc: Plc) -> None:
 
 
 @pytest.mark.parametrize(
-    ("told", "text"),
+    ("words", "text"),
     [
         (["angle:='ns=2;s=Angle'"], "give the server's address"),
         (["url:=opc.tcp://127.0.0.1:1"], "'angle' is not set"),
@@ -198,8 +198,8 @@ def test_a_machine_behind_an_opc_ua_server(suite: Suite, plc: Plc) -> None:
         ),
     ],
 )
-def test_what_is_missing_is_told(suite: Suite, told: list[str], text: str) -> None:
-    program = suite.start("opcua_node", *told)
+def test_what_is_missing_is_reported(suite: Suite, words: list[str], text: str) -> None:
+    program = suite.start("opcua_node", *words)
     assert program.wait() == 2
     assert text in program.words() and "Traceback" not in program.words()
 
@@ -244,21 +244,21 @@ def test_a_server_that_refuses_predictions_gives_angles_all_the_same(suite: Suit
         give()
         wait_for_it()
     bridge.wait_for_words("the server does not take 'i=2267'")
-    suite.spin_until(lambda: heard.told and "does not take" in heard.told[-1].message, "diagnostics")
-    assert heard.told[-1].level == DiagnosticStatus.WARN
-    assert {entry.key: entry.value for entry in heard.told[-1].values}["failures"] == "0"
+    suite.spin_until(lambda: heard.states and "does not take" in heard.states[-1].message, "diagnostics")
+    assert heard.states[-1].level == DiagnosticStatus.WARN
+    assert {entry.key: entry.value for entry in heard.states[-1].values}["failures"] == "0"
     assert shown()[-100:] == given[-100:]
     assert bridge.end() == 0
 
 
 @pytest.mark.parametrize(
-    ("name", "number", "held"),
+    ("name", "number", "stored"),
     [("Short", 12.7, 13), ("Short", -1e9, -32_768), ("Byte", -3.0, 0), ("Predicted", 1e300, np.finfo(np.float32).max)],
 )
-def test_a_prediction_goes_into_a_variable_of_any_type(plc: Plc, name: str, number: float, held: float) -> None:
+def test_a_prediction_goes_into_a_variable_of_any_type(plc: Plc, name: str, number: float, stored: float) -> None:
     async def write() -> Any:
         async with Client(f"opc.tcp://127.0.0.1:{plc.port}") as client:
             await Values(client, 10, 0.0).write(plc.nodes[name].nodeid, number)
             return await client.get_node(plc.nodes[name].nodeid).read_value()
 
-    assert asyncio.run(write()) == held
+    assert asyncio.run(write()) == stored

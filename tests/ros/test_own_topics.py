@@ -37,12 +37,12 @@ def test_a_namespace_is_a_machine(namespace: str, own: list[str]) -> None:
     assert [topic for topic in THERE if topics.has(topic)] == own + elsewhere
 
 
-def test_a_known_name_is_told_before_its_machine_has_shown_itself() -> None:
+def test_a_known_name_is_reported_before_its_machine_has_shown_itself() -> None:
     assert not OwnTopics("/").has("/machine_3/joint_states")
     assert OwnTopics("/").has("/joint_states")
 
 
-def test_diagnostics_are_told_apart_by_their_node() -> None:
+def test_diagnostics_are_distinguished_by_their_node() -> None:
     root, third = OwnTopics("/"), OwnTopics("/machine_3")
     assert root.speaks_of("twin_node: outputs") and not root.speaks_of("machine_3/twin_node: outputs")
     assert third.speaks_of("machine_3/twin_node: outputs") and not third.speaks_of("twin_node: outputs")

@@ -60,7 +60,7 @@ def test_values_hold_their_types(create_node: Any) -> None:
         ({"topics": [1, 2]}, "parameter 'topics' must be a list of texts"),
     ],
 )
-def test_what_is_wrong_is_told(create_node: Any, given: dict[str, Any], words: str) -> None:
+def test_what_is_wrong_is_reported(create_node: Any, given: dict[str, Any], words: str) -> None:
     with pytest.raises(SceneError, match=words):
         declare(create_node(**given), Example)
 

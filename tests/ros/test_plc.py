@@ -81,7 +81,7 @@ def test_a_machine_behind_a_plc(suite: Suite, plc: Plc) -> None:
     kind = ModbusTcpClient.DATATYPE
     node = suite.node()
     heard = Bridged(node, "plc_node: plc")
-    angles, torques, predicted, told = heard.angles, heard.torques, heard.predicted, heard.told
+    angles, torques, predicted, states = heard.angles, heard.torques, heard.predicted, heard.states
     plc.set(14, [65_299])
     bridge = suite.start(
         "plc_node",
@@ -102,7 +102,7 @@ def test_a_machine_behind_a_plc(suite: Suite, plc: Plc) -> None:
     suite.spin_until(lambda: node.count_subscribers("main_shaft/angle") == 2, "the twin on the bridge's topic")
 
     def counted() -> dict[str, int]:
-        return {entry.key: int(entry.value) for entry in told[-1].values}
+        return {entry.key: int(entry.value) for entry in states[-1].values}
 
     def cycle(number: int) -> None:
         """The PLC's program: angle, torque and the counter of its samples, which goes over its end."""
@@ -120,7 +120,7 @@ def test_a_machine_behind_a_plc(suite: Suite, plc: Plc) -> None:
     def all_here(cycles: int) -> bool:
         """Return whether every cycle and the sample before is accounted for, and the latest is complete."""
         latest = {stamp_of(heard[-1]) if heard else None for heard in (angles, torques, predicted)}
-        accounted = bool(told) and counted()["received"] + counted()["missed"] == 1 + cycles
+        accounted = bool(states) and counted()["received"] + counted()["missed"] == 1 + cycles
         return accounted and shown(cycles - 1) and len(latest) == 1
 
     first = 0
@@ -177,11 +177,11 @@ def test_a_machine_behind_a_plc(suite: Suite, plc: Plc) -> None:
 
     plc.close()
     bridge.wait_for_words("trying again every second")
-    suite.spin_until(lambda: told[-1].level == DiagnosticStatus.ERROR, "diagnostics of the lost PLC")
+    suite.spin_until(lambda: states[-1].level == DiagnosticStatus.ERROR, "diagnostics of the lost PLC")
     assert bridge.end() == 0 and "Traceback" not in bridge.words()
 
 
-def test_a_plc_that_refuses_predictions_and_begins_anew_gives_angles_all_the_same(suite: Suite, plc: Plc) -> None:
+def test_a_plc_that_refuses_predictions_and_restarts_gives_angles_all_the_same(suite: Suite, plc: Plc) -> None:
     """It has no register 200; its program, started once more, counts its samples from one on."""
     plc.set(14, [499])
     heard = Bridged(suite.node(), "plc_node: plc")
@@ -215,13 +215,13 @@ def test_a_plc_that_refuses_predictions_and_begins_anew_gives_angles_all_the_sam
     bridge.wait_for_words("the PLC does not take register 200")
 
     def counted() -> dict[str, int]:
-        return {entry.key: int(entry.value) for entry in heard.told[-1].values} if heard.told else Counter()
+        return {entry.key: int(entry.value) for entry in heard.states[-1].values} if heard.states else Counter()
 
     suite.spin_until(
         lambda: counted()["received"] + counted()["missed"] == len(given), "every sample in the diagnostics"
     )
-    suite.spin_until(lambda: "does not take" in heard.told[-1].message, "the refusal in the diagnostics")
-    assert heard.told[-1].level == DiagnosticStatus.WARN
+    suite.spin_until(lambda: "does not take" in heard.states[-1].message, "the refusal in the diagnostics")
+    assert heard.states[-1].level == DiagnosticStatus.WARN
     assert counted()["failures"] == 0
     assert shown()[-len(both) :] == both
     assert bridge.end() == 0
@@ -234,7 +234,7 @@ def test_a_register_written_wrongly(text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "value", "held"),
+    ("kind", "value", "stored"),
     [
         ("int16", 12.7, 13),
         ("int16", -40_000.0, -32_768),
@@ -245,14 +245,14 @@ def test_a_register_written_wrongly(text: str) -> None:
         ("float64", -1e300, -1e300),
     ],
 )
-def test_a_prediction_goes_into_a_register_of_any_type(plc: Plc, kind: str, value: float, held: float) -> None:
+def test_a_prediction_goes_into_a_register_of_any_type(plc: Plc, kind: str, value: float, stored: float) -> None:
     client = ModbusTcpClient("127.0.0.1", port=plc.port)
     assert client.connect()
     register = Register.parse("predicted", f"40:{kind}")
     assert register is not None
     registers = Registers(client, "holding", {"predicted": register}, 1, "little")
     registers.write(register, value)
-    assert registers.read()["predicted"] == held
+    assert registers.read()["predicted"] == stored
     client.close()
 
 

@@ -43,11 +43,11 @@ def test_the_policy_allows_what_the_nodes_do_and_no_more(suite: Suite) -> None:
     assert {profile.get("ns") for profile in root.iter("profile")} == {SPACE}
     nodes = ("twin_node", "record_node", "view_node", "monitor_node", "shaft_node")
     for node in nodes:
-        told = {
+        settings = {
             "record_node": [f"bag:={suite.folder / 'bag'}"],
             "view_node": ["port:=0", f"file:={suite.folder / 'v.rrd'}"],
         }
-        suite.start(node, *told.get(node, []), remaps=[f"__ns:={SPACE}"])
+        suite.start(node, *settings.get(node, []), remaps=[f"__ns:={SPACE}"])
     watcher = suite.node()
     kinds: list[tuple[str, str, Callable[[str, str], list[tuple[str, list[str]]]]]] = [
         ("topic", "publish", watcher.get_publisher_names_and_types_by_node),
@@ -85,7 +85,7 @@ def test_a_name_that_is_no_namespace(name: str) -> None:
     assert made.stderr.splitlines() == [f"policy.sh: NAME must be a ROS namespace such as loom_3, not '{name}'"]
 
 
-def test_security_that_the_middleware_does_not_have_is_told_in_a_line(suite: Suite) -> None:
+def test_security_that_the_middleware_does_not_have_is_reported_in_a_line(suite: Suite) -> None:
     enclave = suite.folder / "keys" / "enclaves" / "loom_3"
     enclave.mkdir(parents=True)
     for name in ("identity_ca.cert", "cert", "key", "permissions_ca.cert"):

@@ -67,15 +67,15 @@ def test_recording_by_service(suite: Suite) -> None:
 def test_every_recording_by_service_has_what_was_said_once(suite: Suite) -> None:
     """Latched topics, whose publishers speak before a recording begins; of others what came before is not in it."""
     recording = suite.folder / "run"
-    known = ("topics:=[robot_description, told, words]", "types:=[told=std_msgs/msg/String]")
+    known = ("topics:=[robot_description, states, words]", "types:=[states=std_msgs/msg/String]")
     recorder = suite.start("record_node", f"bag:={recording}", "start:=false", *known)
     node = suite.node()
-    qos = {"robot_description": latched_qos(), "told": latched_qos(), "words": RELIABLE}
+    qos = {"robot_description": latched_qos(), "states": latched_qos(), "words": RELIABLE}
 
     def ask(what: str) -> Any:
         return suite.call(node, Trigger, f"record_node/{what}", Trigger.Request())
 
-    suite.spin_until(lambda: node.count_subscribers("told"), "recorder, before there is a publisher")
+    suite.spin_until(lambda: node.count_subscribers("states"), "recorder, before there is a publisher")
     publishers = {topic: node.create_publisher(String, topic, each) for topic, each in qos.items()}
 
     def say(text: str) -> None:
@@ -148,9 +148,12 @@ def test_a_recorder_that_stood_still_says_so(suite: Suite) -> None:
     recorder = suite.start("record_node", f"bag:={suite.folder / 'run'}", "topics:=[words]", "queue_s:=0.5")
     recorder.wait_for_words("recording to")
     node = suite.node()
-    told: list[tuple[bytes, str]] = []
+    states: list[tuple[bytes, str]] = []
     node.create_subscription(
-        DiagnosticArray, "/diagnostics", lambda array: told.extend((s.level, s.message) for s in array.status), RELIABLE
+        DiagnosticArray,
+        "/diagnostics",
+        lambda array: states.extend((s.level, s.message) for s in array.status),
+        RELIABLE,
     )
     publisher = node.create_publisher(String, "words", RELIABLE)
 
@@ -170,7 +173,7 @@ def test_a_recorder_that_stood_still_says_so(suite: Suite) -> None:
     recorder.process.send_signal(signal.SIGCONT)
     suite.spin_until(lambda: standstills() and max(standstills()) >= 1.7, "words of the log")
     suite.spin_until(
-        lambda: any(level == DiagnosticStatus.WARN and "no processor time" in text for level, text in told),
+        lambda: any(level == DiagnosticStatus.WARN and "no processor time" in text for level, text in states),
         "diagnostics",
     )
     # A busy computer may stop it, too, and every process waits for a little now and then: that is not reported.
@@ -252,7 +255,7 @@ def _status_names(raw: bytes) -> list[str]:
     return [status.name for status in deserialize_message(raw, DiagnosticArray).status]
 
 
-def test_nothing_is_kept_where_nothing_came(suite: Suite) -> None:
+def test_an_empty_recording_is_removed(suite: Suite) -> None:
     folder = suite.folder / "recordings"
     recorder = suite.start("record_node", f"folder:={folder}")
     recorder.wait_for_words("recording to")
@@ -265,10 +268,10 @@ def test_publishers_that_come_later_are_heard_however_they_offer(suite: Suite) -
     """A driver that is started again with the quality of service of a sensor, and a latched topic that no longer is."""
     reliable, latched, sensor = QoSProfile(depth=100), latched_qos(), qos_profile_sensor_data
     everything = suite.folder / "all"
-    recorder = suite.start("record_node", f"bag:={everything}", "types:=[told=std_msgs/msg/String]")
+    recorder = suite.start("record_node", f"bag:={everything}", "types:=[states=std_msgs/msg/String]")
     recorder.wait_for_words("recording to")
     node = suite.node()
-    best_effort = (("driver", 1), ("told", 0), ("told", 1))
+    best_effort = (("driver", 1), ("states", 0), ("states", 1))
     said: dict[tuple[str, int], list[int]] = {}
 
     def publish(topic: str, turn: int, qos: QoSProfile) -> None:
@@ -289,7 +292,7 @@ def test_publishers_that_come_later_are_heard_however_they_offer(suite: Suite) -
         suite.spin_until(lambda: numbers[-1] in _numbers(everything, topic, turn), f"what was said last on {topic}")
         node.destroy_publisher(publisher)
 
-    for topic, *both in (("driver", reliable, sensor), ("words", latched, reliable), ("told", sensor, reliable)):
+    for topic, *both in (("driver", reliable, sensor), ("words", latched, reliable), ("states", sensor, reliable)):
         for turn, qos in enumerate(both):
             publish(topic, turn, qos)
     other = node.create_publisher(Clock, "driver", reliable)

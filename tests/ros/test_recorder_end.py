@@ -61,7 +61,7 @@ def test_the_end_comes_within_its_time_however_much_waits(
     assert open_bag(tmp_path / "run").message_count == 0
 
 
-def test_a_full_disk_at_the_end_is_told(recorder: RecordNode, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_at_the_end_is_reported(recorder: RecordNode, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 

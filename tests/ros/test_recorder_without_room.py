@@ -106,10 +106,10 @@ def test_a_start_that_finds_no_room_is_refused_and_leaves_nothing(suite: Suite) 
     assert recorder.end() == 0
 
 
-def test_more_to_keep_than_the_disk_takes_is_told_at_once(suite: Suite) -> None:
+def test_more_to_keep_than_the_disk_takes_is_reported_at_once(suite: Suite) -> None:
     folder = suite.folder / "recordings"
-    for keep_GB, told in ((0.001, False), (1e6, True)):
+    for keep_GB, warned in ((0.001, False), (1e6, True)):
         recorder = suite.start("record_node", f"folder:={folder}", f"keep_GB:={keep_GB}", "topics:=[words]")
         recorder.wait_for_words("recording to")
         assert recorder.end() == 0
-        assert ("has room for: the recording ends when it is full" in recorder.words()) is told
+        assert ("has room for: the recording ends when it is full" in recorder.words()) is warned

@@ -59,14 +59,14 @@ def test_the_oldest_go_first(tmp_path: Path) -> None:
     current.close()
 
 
-def test_what_cannot_be_removed_is_told_and_the_others_go(tmp_path: Path) -> None:
+def test_what_cannot_be_removed_is_reported_and_the_others_go(tmp_path: Path) -> None:
     for day in (1, 2):
         write(tmp_path / f"2026-01-0{day}_00-00-00").close()
     stuck = tmp_path / "2026-01-02_00-00-00"
     (stuck / "somebody's.mcap").mkdir()  # a folder is not removed as a file is
     place = RecordingPlace("", str(tmp_path), "/")
     current = write(place.take_next())
-    (told,) = place.retain(current, most_bytes=1)
-    assert told.startswith(f"{stuck}: cannot be removed")
+    (report,) = place.retain(current, most_bytes=1)
+    assert report.startswith(f"{stuck}: cannot be removed")
     assert {path for path in tmp_path.iterdir()} == {stuck, current.path}
     current.close()

@@ -70,8 +70,8 @@ def test_a_running_suite_is_shown(suite: Suite) -> None:
 
     def shown() -> str | None:
         """Printed status, once a busy computer has found its nodes and has come to their samples."""
-        told = status(suite, "--seconds", "3")
-        return told.stdout if told.returncode == 0 and all(re.search(line, told.stdout) for line in wanted) else None
+        shown = status(suite, "--seconds", "3")
+        return shown.stdout if shown.returncode == 0 and all(re.search(line, shown.stdout) for line in wanted) else None
 
     text = wait_until(shown, "a suite in order")
     assert text.splitlines()[:2] == ["/m3  tufting", "  twin_node"]

@@ -21,7 +21,7 @@ def test_moments_are_never_early_and_do_not_drift() -> None:
         assert time.monotonic() - start >= number / 1000.0 - 1e-3
 
 
-def test_the_rate_may_change_on_the_way() -> None:
+def test_the_rate_may_change_meanwhile() -> None:
     pace = Pace(threading.Event(), rate=1.0)
     pace.set_rate(100.0)
     start = time.monotonic()
@@ -54,11 +54,11 @@ def test_one_stamp_far_in_the_future_is_overcome() -> None:
     watch = RestartWatch()
     assert not watch.restarted(0)
     assert not watch.restarted(10**18)
-    told = [watch.restarted(k * 2_000_000) for k in range(1, 30)]
-    assert told.index(True) == 9 and sum(told) == 1
+    states = [watch.restarted(k * 2_000_000) for k in range(1, 30)]
+    assert states.index(True) == 9 and sum(states) == 1
 
 
 def test_a_recording_played_again_is_a_restart_once() -> None:
     watch = RestartWatch()
-    told = [watch.restarted(k % 1000 * 2_000_000 + SECOND_NS) for k in range(3000)]
-    assert [k for k, restarted in enumerate(told) if restarted] == [1009, 2009]
+    states = [watch.restarted(k % 1000 * 2_000_000 + SECOND_NS) for k in range(3000)]
+    assert [k for k, restarted in enumerate(states) if restarted] == [1009, 2009]

@@ -175,7 +175,7 @@ def test_elements_are_drawn_together_whichever_was_heard_first() -> None:
     """The first element's subscription has heard two messages before the third's; the second's lost one."""
     takers, drawn = [], []
     view = SimpleNamespace(add_motion=lambda *motion: drawn.append(motion))
-    feed = ElementFeed(view, ("a", "b", "c"), lambda *told: takers.append(told[-1]))  # type: ignore[arg-type]
+    feed = ElementFeed(view, ("a", "b", "c"), lambda *words: takers.append(words[-1]))  # type: ignore[arg-type]
     messages = [(stamp * SECOND_NS // 1000, float(stamp), 0.0) for stamp in range(6)]
     heard = (messages, [message for message in messages if message[1] != 3.0], messages[2:])
     for half in (slice(0, 4), slice(4, None)):
@@ -186,7 +186,7 @@ def test_elements_are_drawn_together_whichever_was_heard_first() -> None:
     np.testing.assert_array_equal(np.concatenate([places for _, places, _ in drawn]).T, [[2.0, 4.0, 5.0]] * 3)
 
 
-def test_predictions_whose_joint_states_nobody_sends_are_forgotten_in_time() -> None:
+def test_predictions_without_joint_states_are_forgotten_in_time() -> None:
     """An hour of them would fill the computer's memory; with joint states again the newest are drawn."""
     takers, drawn = {}, []
     view = SimpleNamespace(
@@ -195,7 +195,7 @@ def test_predictions_whose_joint_states_nobody_sends_are_forgotten_in_time() -> 
         add_measured=lambda *none: None,
         add_residual=lambda *none: None,
     )
-    feed = LinkageFeed(view, lambda topic, *told: takers.setdefault(topic, told[-1]))  # type: ignore[arg-type]
+    feed = LinkageFeed(view, lambda topic, *words: takers.setdefault(topic, words[-1]))  # type: ignore[arg-type]
     count = 120_000
     for first in range(0, count, 1000):
         takers["balancing_torque/predicted"]([(stamp, 1.0) for stamp in range(first, first + 1000)])
