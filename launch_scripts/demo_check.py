@@ -33,7 +33,7 @@ def difference(published: TorqueSamples, stamps: FloatArray | IntArray, torque_N
 
 
 def check(played_path: Path, recorded_path: Path, machine: str) -> int:
-    """Print what was played, recorded and computed; return 1 if samples are lost or differ."""
+    """Print the counts of played, recorded and computed samples; return 1 if samples are lost or differ."""
     played, recorded = open_bag(played_path), open_bag(recorded_path)
     angles, published = played.read_angles(ANGLE), recorded.read_torques(PREDICTED)
     stamps, torque_Nm = predict(machine, angles)

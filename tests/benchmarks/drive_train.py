@@ -211,7 +211,7 @@ def _soft(logs: FloatArray) -> tuple[float, float]:
 
 
 def main(folder: Path) -> None:
-    """Print what each model leaves unexplained of both torques on each recording, as a Markdown table."""
+    """Print the unexplained share of both torques for each model and recording, as a Markdown table."""
     if (folder / "step_sensor.csv").exists():
         runs = {name: Run.read_speeds(folder, name) for name in MOTOR_CLOCK_S}
     else:

@@ -23,7 +23,7 @@ ANGLE, PREDICTED = "main_shaft/angle", "balancing_torque/predicted"
 LOOK_S = 5.0
 TELL_S = 300.0
 WARM_SAMPLES = 120_000
-"""By then the view has filled what it keeps for viewers that come later, and every pool has its size."""
+"""Number of samples after which the view's memory for later viewers is full, and every pool has its size."""
 
 
 class Watch:
@@ -35,7 +35,7 @@ class Watch:
         self.cpu_s: dict[str, float] = dict.fromkeys(programs, 0.0)
 
     def look(self) -> None:
-        """Note what each node holds and has used by now."""
+        """Note memory and processor time of each node."""
         self.seconds = time.monotonic() - self._began
         for name, program in self._programs.items():
             pid = program.process.pid

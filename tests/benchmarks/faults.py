@@ -55,7 +55,7 @@ def pairs(first: int, last: int) -> None:
 
 
 def standing(first: int, last: int) -> None:
-    """Print what is said more than once in ten minutes of a fault that stands."""
+    """Print repeated alarms within ten minutes of a standing fault."""
     more, seen = 0, 0
     for seed, kind in product(range(first, last), SIZES):
         for size in SIZES[kind]:

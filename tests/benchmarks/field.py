@@ -1,4 +1,4 @@
-"""The suite through long and rough runs, as it meets them beside a machine; each ends with what was seen.
+"""The suite through long and rough runs, as they occur beside a machine; each prints its result.
 
 Run from the root of the repository: python -m tests.benchmarks.field WHAT [NUMBER]
   side-by-side [SECONDS]   three suites on one computer, two of them in namespaces, started in the same second
@@ -117,7 +117,7 @@ def _messages_on_disk(bag: Path) -> int:
 
 
 class Watched:
-    """A suite whose nodes are killed and started again, and what tells whether all of it works: see `heals`."""
+    """A suite whose nodes are killed and restarted; `heals` checks that all of it works."""
 
     def __init__(self, suite: Suite) -> None:
         self._suite = suite
@@ -237,7 +237,7 @@ def opcua_server(suite: Suite, seconds: float) -> None:
 
 
 def fault_book(suite: Suite, times: int) -> None:
-    """Each fault once, with its recording, whatever is killed; a fault for every four kills."""
+    """Check each fault once, with its recording, under all kills; a fault for every four kills."""
     faults = max(2, times // 4)
     book = survive(suite, times, faults)
     angles = check(book, faults)

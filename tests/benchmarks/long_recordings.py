@@ -52,7 +52,7 @@ def record(path: Path, minutes: float, rate_hz: float) -> None:
 
 
 def estimate(bag: str, shaft: str) -> None:
-    """The shaft's states alone: what a command has in any case."""
+    """Estimate the shaft's states alone: the common part of every command."""
     angles = open_bag(bag).read_angles()
     estimator = create_estimator(shaft)
     for first in range(0, len(angles), 100_000):

@@ -45,7 +45,7 @@ def machine(share: float) -> Machine:
 
 
 def readings(path: Path) -> Readings:
-    """Angle of the screw, and its torque: what the controller asked for, times the drive's gain."""
+    """Angle of the screw, and its torque: the controller's command times the drive's gain."""
     found = loadmat(path)
     time, way, asked = (found[name].ravel() for name in ("t", "qm", "vir"))
     stamps = np.rint(time * 1e9).astype(np.int64)

@@ -1,4 +1,4 @@
-"""Ten thousand spoilt recordings and a recording cut at every record and a thousand other places: what comes of each.
+"""Ten thousand spoilt recordings and a recording cut at every record and a thousand other places: result of each.
 
 Run from the root of the repository: python -m tests.benchmarks.spoilt_recordings [COUNT]
 Ends with an error at the first that gives data never recorded, an error that is not one line, or takes ten seconds.

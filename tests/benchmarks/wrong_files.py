@@ -1,4 +1,4 @@
-"""Files wrong in one body or length, and files off within their tolerances: what the verdict and calibrate say.
+"""Files wrong in one body or length, and files off within their tolerances: results of verdict and calibrate.
 
 Run from the root of the repository: python -m tests.benchmarks.wrong_files wrong|tolerances FIRST_SEED LAST_SEED
 """

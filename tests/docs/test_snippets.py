@@ -91,7 +91,7 @@ def shown(page: Path) -> list[tuple[Block, Block]]:
 @pytest.mark.slow
 @pytest.mark.parametrize("page", [page for page in pages_with_code() if page.parent.name == "tutorials"], ids=str)
 def test_a_tutorial_shows_what_its_commands_print(page: Path, running: dict[Path, Future[Said]]) -> None:
-    """Line by line: what stands in the first column, and the first number behind it within a tenth."""
+    """Compare line by line: the first column, and the first number behind it within a tenth."""
     number = re.compile(r"[+-]?\d+(?:\.\d+)?(?:e[+-]\d+)?")
     printed = {block.line: text for block, text in running[page].result()}
     assert shown(page)

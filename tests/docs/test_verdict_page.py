@@ -20,7 +20,7 @@ CONTRACT = {
 
 
 def advised() -> set[str]:
-    """Codes in the first two columns of tables whose last column says what to do."""
+    """Codes in the first two columns of tables whose last column gives the action."""
     rows = re.findall(r"^\| (.+) \|$", (ROOT / PAGE).read_text(), re.M)
     cells = [row.split(" | ") for row in rows]
     assert all(each[-1].strip() for each in cells)

@@ -40,7 +40,7 @@ def run(driven: Machine, torque: float, omega: float, t: FloatArray) -> ElasticD
 
 
 @pytest.mark.parametrize("load", ["gravity alone", "needles in a backing", "backlash"])
-def test_energy_is_kept_without_damping(load: str) -> None:
+def test_energy_is_constant_without_damping(load: str) -> None:
     play = np.array([0.0, 0.004, 0.0]) if load == "backlash" else np.zeros(3)
     plain = replace(undamped(machine(np.ones(3), play)), loads=())
     if load == "needles in a backing":

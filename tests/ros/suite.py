@@ -30,7 +30,7 @@ _DOMAINS = itertools.count(os.getpid())
 
 
 def free_domain() -> tuple[int, socket.socket]:
-    """A ROS domain that no other test on this computer uses, and what claims it until it is closed.
+    """A ROS domain that no other test on this computer uses, and its claim, valid until closed.
 
     Each time another one: what an earlier test left behind is not heard.
     """
@@ -140,7 +140,7 @@ def wait_until(condition: Callable[[], _T | None], what: str) -> _T:
 
 
 class Program:
-    """One process, with what it says in a file."""
+    """One process, with its output in a file."""
 
     def __init__(self, command: list[str], log: Path, environment: dict[str, str]) -> None:
         self._log = log

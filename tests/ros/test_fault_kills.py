@@ -118,7 +118,7 @@ def topics_around(path: Path, raised_ns: int) -> dict[str, tuple[int, int]]:
 
 
 def check(book: FaultBook, faults: int) -> list[tuple[int, int]]:
-    """Each fault once, of the right kind, with a recording of what came around it while the fault node lived.
+    """Each fault once, of the right kind, with a recording of the messages around it while the fault node lived.
 
     Returns:
         Angles before and after each alarm.

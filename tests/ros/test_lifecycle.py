@@ -33,7 +33,7 @@ def test_configure_activate_deactivate_cleanup(suite: Suite) -> None:
         assert state.current_state.id == expected
 
     def run_shaft(start_ns: int) -> None:
-        """Until there are predictions: the twin computes none before it knows that somebody listens."""
+        """Wait for predictions: the twin computes them once it knows of a listener."""
         suite.spin_until(angle.get_subscription_count, "subscription of the twin")
         samples = zip(*shaft_angles(300_000, start_ns=start_ns), strict=True)
 

@@ -35,7 +35,7 @@ def stamp_of(message: Any) -> int:
 
 
 class Bench:
-    """A test node that feeds a twin and keeps what it publishes."""
+    """Test node that feeds a twin and collects its messages."""
 
     def __init__(
         self, suite: Suite, namespace: str = "", msgtype: Any = JointState, qos: QoSProfile = RELIABLE

@@ -54,11 +54,11 @@ class Plc:
         self.call(self._start())
 
     def begin(self, work: Coroutine[Any, Any, Any]) -> Future[Any]:
-        """Do something in the server's thread; what tells when it is done."""
+        """Run a task in the server's thread; return its future."""
         return asyncio.run_coroutine_threadsafe(work, self._loop)
 
     def call(self, work: Coroutine[Any, Any, Any]) -> Any:
-        """Do something in the server's thread, and wait until it is done."""
+        """Run a task in the server's thread and wait for its result."""
         return self.begin(work).result(PATIENCE_S)
 
     async def _start(self) -> None:

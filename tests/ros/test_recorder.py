@@ -65,7 +65,7 @@ def test_recording_by_service(suite: Suite) -> None:
 
 
 def test_every_recording_by_service_has_what_was_said_once(suite: Suite) -> None:
-    """Latched topics, whose publishers speak before a recording begins; of others what came before is not in it."""
+    """Record latched topics published before the start; earlier messages of other topics are left out."""
     recording = suite.folder / "run"
     known = ("topics:=[robot_description, states, words]", "types:=[states=std_msgs/msg/String]")
     recorder = suite.start("record_node", f"bag:={recording}", "start:=false", *known)

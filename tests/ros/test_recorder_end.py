@@ -23,7 +23,7 @@ COUNT = 500
 
 @pytest.fixture
 def recorder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[RecordNode]:
-    """A recorder in this process that nothing spins: what comes waits in its queues, here all of `COUNT` messages."""
+    """A recorder in this process without a spin: all `COUNT` messages wait in its queues."""
     domain, claim = free_domain()
     for name, value in node_environment(tmp_path, domain).items():
         monkeypatch.setenv(name, value)

@@ -37,7 +37,7 @@ def test_names_by_number_and_by_time(tmp_path: Path) -> None:
 
 
 def test_the_oldest_go_first(tmp_path: Path) -> None:
-    """Three of this machine, one of another, one without metadata.yaml, and what is no recording at all."""
+    """Three of this machine, one of another, one without metadata.yaml, and a folder that is no recording."""
     for name in ("2026-01-01_00-00-00_m3", "2026-01-02_00-00-00_m3", "2026-01-03_00-00-00_m3_2", "2026-01-01_00-00-00"):
         write(tmp_path / name).close()
     (tmp_path / "2026-01-01_00-00-01_m3").mkdir()

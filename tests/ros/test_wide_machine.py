@@ -1,4 +1,4 @@
-"""A wide machine live: what its elastic shaft does comes on topics as the offline session gives it."""
+"""A wide machine live: topics of its elastic shaft agree with the offline session."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ def test_points_of_a_known_linkage_and_far_from_the_origin() -> None:
     assert best.miss_m < 1e-10
 
 
-def test_limit_of_the_transmission_angle_is_kept() -> None:
+def test_limit_of_the_transmission_angle_holds() -> None:
     found = through_points(POINTS[:3], seed=0, smallest_mu_rad=math.radians(45.0))
     assert all(design.four_bar.mu_min_rad >= math.radians(45.0) for design in found)
 
@@ -99,7 +99,7 @@ def test_curves_that_cannot_be_fitted() -> None:
             fit_curve(points)
 
 
-def test_limit_of_the_transmission_angle_is_kept_or_refused() -> None:
+def test_limit_of_the_transmission_angle_holds_or_refused() -> None:
     points = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.5, 0.5), (0.2, 0.3)]
     found = fit_curve(points, smallest_mu_rad=math.radians(60.0), generations=10)
     assert found.four_bar.mu_min_rad >= math.radians(60.0)

@@ -33,7 +33,7 @@ def test_convex_front_is_reached_and_spread() -> None:
     assert np.diff(np.sort(f1)).max() < 0.05
 
 
-def test_limits_are_kept() -> None:
+def test_limits_hold() -> None:
     """Deb's constrained problem: f1 = x, f2 = (1 + y)/x with y + 9 x >= 6 and -y + 9 x >= 1; f2 >= 7/x - 9 there."""
 
     def evaluate(x: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -68,7 +68,7 @@ class ShaftChain(NamedTuple):
     slow_rad_s: float
     """speed below which dry friction is proportional to the speed"""
     friction_Nm: float
-    """bound on what a reversal of the speed changes in the load torque of one hanger"""
+    """bound on the change of one hanger's load torque at a reversal of the speed"""
 
 
 @dataclass(frozen=True)

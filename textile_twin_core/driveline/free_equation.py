@@ -92,7 +92,7 @@ def stretch_at(chain: ShaftChain, profile: int, angle: float, sense: int) -> int
 
 @compiled
 def net_torque(chain: ShaftChain, modes: FreeModes, i: int, angle: float, omega: float) -> tuple[float, float, float]:
-    """Inertia of a station, torque on it from what hangs there, and the loads' part of that."""
+    """Inertia of a station, torque on it from its hanger, and the loads' part of that."""
     mass, torque, loads = chain.inertia[i], 0.0, 0.0
     for k in range(chain.first[i], chain.first[i + 1]):
         profile = chain.profile[k]
@@ -161,7 +161,7 @@ def free_slopes(
 def monitors(
     chain: ShaftChain, modes: FreeModes, y: FloatArray, drive: int, torque: float, slope: FloatArray, out: FloatArray
 ) -> None:
-    """Write what stays positive until something changes at once.
+    """Write monitors that are positive until a discontinuity.
 
     out: (stations + 2 hangers + 2 pieces,) per station its speed in its direction, or the reserve of dry friction;
     per hanger its distances from the ends of its stretch; per piece those from the ends of its side of the play.

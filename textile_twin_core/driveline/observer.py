@@ -158,7 +158,7 @@ class ShaftObserver:
         return chain._replace(inertia=chain.inertia.copy(), viscous=chain.viscous.copy(), lead=lead)
 
     def reset(self) -> None:
-        """Forget all readings and what was learnt of the drive."""
+        """Forget all readings and the estimate of the drive."""
         elastic, shaft, scales = self.elastic, self.elastic.shaft, self.scales
         drive, given = shaft.drive_station, shaft.drive
         others = float(self._inertia.sum())
@@ -196,7 +196,7 @@ class ShaftObserver:
             self._observer[name] = value
 
     def restart(self) -> None:
-        """Begin a record again; what was learnt of the drive stays."""
+        """Restart a record with the estimate of the drive."""
         for name in ("still", "interval", "torque_square"):
             self._observer[name] = 0.0
         self._observer["mode"] = FOLLOWING

@@ -211,7 +211,7 @@ def _forget(state: ChainState, o: Record) -> None:
 
 @compiled_in_place
 def _twist(chain: ShaftChain, state: ChainState, o: Record, room: Room, alpha: float) -> None:
-    """Stand statically twisted with the encoder's station on the reference; the drive gives what is needed."""
+    """Stand statically twisted with the encoder's station on the reference; the drive supplies the static torque."""
     drive = int(o.drive)
     _set_drive(chain, o, room)
     room.torque[drive] = 0.0
@@ -240,7 +240,7 @@ def _set_drive(chain: ShaftChain, o: Record, room: Room) -> None:
 
 @compiled_in_place
 def _begin(bank: DriveBank, o: Record, room: Room, r: ShaftReadings, j: int) -> None:
-    """Let the chain go from the static twist; what is known of the drive stays."""
+    """Let the chain go from the static twist; the estimate of the drive stays."""
     o.mode, o.since_begin, o.still = OBSERVING, 0.0, 0.0
     o.d = room.torque[int(o.drive)] * o.beta
     o.load_at, o.load_slope, o.load = r.angle[j], 0.0, math.nan

@@ -29,7 +29,7 @@ TURN = 2.0 * math.pi
 _SAMPLES = 720
 _FEWEST_NODES, _MOST_NODES = 64, 16384
 _SAME = 1e-11
-"""Two functions are the same where they differ by no more than this share of their peak."""
+"""Two functions are equal within this share of their peak."""
 _POWERS = (0, 1, 2)
 
 
@@ -84,7 +84,7 @@ class AngleProfile:
 
 
 def linkage_profile(machine: Machine) -> AngleProfile:
-    """The profile of one linkage at phase 0, without what acts once on the main shaft."""
+    """The profile of one linkage at phase 0, without loads that act once on the main shaft."""
     motion = machine.linkage.solved
     bodies = [body for body in machine.bodies if not body.is_flywheel]
     reduced = reduce_bodies(motion, bodies, Vector.of(*machine.gravity_m_s2))
@@ -93,7 +93,7 @@ def linkage_profile(machine: Machine) -> AngleProfile:
 
 
 def main_shaft_profile(machine: Machine) -> AngleProfile | None:
-    """The profile of what acts once, on the main shaft itself: flywheels, friction, torque tables; None without any."""
+    """The profile of the main shaft itself: flywheels, friction, torque tables; None without any."""
     flywheels = [body for body in machine.bodies if body.is_flywheel]
     reduced = reduce_bodies(machine.linkage.solved, flywheels, Vector.of(*machine.gravity_m_s2))
     pairs = zip(_load_torques(machine, True), _load_torques(machine, False), strict=True)

@@ -15,7 +15,7 @@ from textile_twin_core.driveline.step import ChainState, beyond, hung, midpoint_
 
 @by_reference
 class Outputs(NamedTuple):
-    """Room for what a run gives at its samples, reduced to the main shaft."""
+    """Arrays for the results of a run at its samples, reduced to the main shaft."""
 
     psi: FloatArray
     """(samples, stations) angle beyond the reference [rad]"""

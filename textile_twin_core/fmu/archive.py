@@ -182,7 +182,7 @@ def _variables(
 def _chain_variables(
     chain: ChainCode, outputs: Sequence[str], torque_input: bool, fmi: int, indicators: int
 ) -> list[Variable]:
-    """Variables of an elastic shaft; what depends on the chain depends on all of its states."""
+    """Variables of an elastic shaft; a variable of the chain depends on all of its states."""
     shaft = ("theta_rad", "omega_rad_s", "alpha_rad_s2")
     known = [Variable("time", _TIME, "independent")] if fmi == 3 else []
     twists = [f"shaft.twist_{a}_{b}_rad" for a, b in pairwise(chain.stations)]

@@ -79,7 +79,7 @@ class Twin:
         return max(self.reached_errors.values(), default=0.0)
 
     def describe(self) -> str:
-        """Describe what is evaluated and what is dropped, with the number of operations per sample."""
+        """Describe the evaluated and the dropped expressions, with the number of operations per sample."""
         return describe(self.machine, self._expressions, self.method, self._exact, self._described_table)
 
     @property

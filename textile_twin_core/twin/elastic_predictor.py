@@ -96,7 +96,7 @@ class ElasticPredictor:
         return ()
 
     def reset(self) -> None:
-        """Forget all readings, and what was learnt of the drive."""
+        """Forget all readings and the estimate of the drive."""
         self._held = []
         self._second.reset()
         self._observer.reset()

@@ -95,7 +95,7 @@ class HistoryTwin:
         return measured_error(self.machine, self.outputs, self.tolerance)
 
     def describe(self) -> str:
-        """Describe what is integrated, and how."""
+        """Describe the integrated motion and its method."""
         model = self.machine.model
         bodies = ", ".join(body.name for body in model.bodies)
         return "\n".join(

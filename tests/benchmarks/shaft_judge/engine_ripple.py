@@ -55,7 +55,7 @@ def driven(run: EngineRun, angle_rad: np.ndarray, seen: np.ndarray) -> Driven:
 
 
 def wheel_errors(seen: list[np.ndarray], said: list[Driven]) -> np.ndarray:
-    """(12,) what the toothed wheel adds to the whole orders, per speed: the median over runs; 0 for odd half orders.
+    """(12,) the toothed wheel's part of the whole orders, per speed: the median over runs; 0 for odd half orders.
 
     An eccentric wheel reads as ripple of whole orders that is the same for every load: no motion tells the two apart,
     the torque does.

@@ -43,7 +43,7 @@ Factory = Callable[[np.ndarray, np.ndarray, str, str], Any]
 
 
 def track(factory: Factory, time_s: np.ndarray, angle_rad: np.ndarray, kind: str, view: str) -> Track:
-    """Run a factory; what it leaves out is filled in."""
+    """Run a factory, and fill in missing values."""
     made = factory(time_s, angle_rad, kind, view)
     if isinstance(made, Track):
         return made

@@ -88,7 +88,7 @@ class Reactions:
         self.loop = ClosedLoop(tree, self.engine)
 
     def names(self) -> list[str]:
-        """Names of what `sample` gives, in its order."""
+        """Names of the values of `sample`, in its order."""
         links = [link.removeprefix("l") for link in self.tree.links]
         pins = [j.name for j in self.tree.joints if j.axis is None] + [cut.name for cut in self.tree.cuts]
         needle = self.tree.needle

@@ -37,7 +37,7 @@ class TreeJoint:
     inertia_kgm2: float = 0.0
 
     def carrying(self, mass_kg: float, centroid: Point, inertia_kgm2: float) -> TreeJoint:
-        """The same joint with one more body fixed to what it carries (Steiner's theorem)."""
+        """The same joint with one more body fixed to its link (Steiner's theorem)."""
         mass = self.mass_kg + mass_kg
         if mass == 0.0:
             return replace(self, inertia_kgm2=self.inertia_kgm2 + inertia_kgm2)

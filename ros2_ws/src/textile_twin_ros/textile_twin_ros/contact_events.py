@@ -55,7 +55,7 @@ def contact_message(events: Sequence[StampedEvent], machine: str) -> DiagnosticA
 
 
 def contact_events(message: DiagnosticArray) -> list[StampedEvent]:
-    """The events of a message; what is no event of a stop or pad is left out."""
+    """Contact events of a message; other entries are skipped."""
     found = []
     for status in message.status:
         values = {each.key: each.value for each in status.values}

@@ -58,7 +58,7 @@ class Status:
 
 
 class DiagnosticsPublisher:
-    """Publisher of /diagnostics: once a second and when a level changes; the log says once what is wrong.
+    """Publisher of /diagnostics: once a second and when a level changes; the log reports each fault once.
 
     Args:
         node: the node that the statuses speak of; its full name stands before each of theirs.

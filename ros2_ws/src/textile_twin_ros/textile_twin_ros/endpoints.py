@@ -14,7 +14,7 @@
 #
 # SPDX-License-Identifier: Apache-2.0
 
-"""Quality of service of the topics, and what is seen on one: for people who wait for data."""
+"""Quality of service of the topics, and descriptions of their publishers for the diagnostics."""
 
 from __future__ import annotations
 

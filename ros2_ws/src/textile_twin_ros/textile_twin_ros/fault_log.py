@@ -14,7 +14,7 @@
 #
 # SPDX-License-Identifier: Apache-2.0
 
-"""A monitor's side of the fault book: alarms and what was learnt, entered so that a killed monitor loses neither."""
+"""A monitor's side of the fault book: alarms and the learnt band survive a killed monitor."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from textile_twin_core.recordings.fault_book import FaultBook
 
 
 class FaultLog:
-    """Enters the state of one monitor's watch; what cannot be written is tried again with the next turn.
+    """Enters the state of one monitor's watch; a failed write is tried again with the next turn.
 
     Args:
         folder: of the book; made if need be.
@@ -78,6 +78,6 @@ class FaultLog:
             self.trouble = f"{error}; make room: what is raised meanwhile is entered then"
 
     def forget(self, watch: FaultWatch) -> None:
-        """Drop what was learnt and clear what stands, as after a repair; `watch` begins to learn."""
+        """Drop the learnt band and clear standing alarms, as after a repair; `watch` begins to learn."""
         self._to_forget = True
         self.enter(watch, (), "")

@@ -123,7 +123,7 @@ class FaultNode(Node):
 
     @contextmanager
     def _disk(self) -> Iterator[None]:
-        """Go on without a recording where the disk takes no more, and try again later."""
+        """Continue without a recording while the disk is full, and try again later."""
         try:
             yield
         except (OSError, TwinError) as error:
@@ -241,7 +241,7 @@ def _why(error: Exception) -> str:
 
 
 def _status(fault: Fault) -> DiagnosticStatus:
-    """A fault as a message: its level by what is still to do, its columns as values."""
+    """A fault as a message: its level by the open actions, its columns as values."""
     level = OK if fault.is_over else WARN if fault.cleared_ns is not None or fault.side == "sensor" else ERROR
     columns = {name: value for name, value in asdict(fault).items() if value is not None}
     return DiagnosticStatus(

@@ -43,7 +43,7 @@ _FLOAT64 = struct.Struct("<4sd")
 
 
 class MessageError(ValueError):
-    """The message is not what the topic needs; the text says what it is instead."""
+    """Error for a message of the wrong kind; the text names its kind."""
 
 
 def message_class(name: str) -> Any:

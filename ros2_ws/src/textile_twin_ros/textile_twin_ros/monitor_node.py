@@ -65,7 +65,7 @@ class MonitorParameters(SensorParameters):
 
 
 class MonitorNode(Node):
-    """Hands angles and torque to a Monitor once a second, and tells what it finds."""
+    """Hands angles and torque to a Monitor once a second, and reports its findings."""
 
     def __init__(self) -> None:
         super().__init__("monitor_node")
@@ -176,7 +176,7 @@ class MonitorNode(Node):
         return Status("faults", level, "; ".join(alarm.text for alarm in watch.standing), values)
 
     def _write_meanwhile(self) -> None:
-        """Write the trend while the machine runs; what does not go now is tried again with the next."""
+        """Write the trend while the machine runs; a failed write is tried again with the next."""
         try:
             self._write()
         except TwinError as error:

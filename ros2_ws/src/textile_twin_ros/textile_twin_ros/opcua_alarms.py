@@ -82,7 +82,7 @@ class Alarms:
         await space.machine.set_event_notifier([ua.EventNotifier.SubscribeToEvents])
 
     async def look(self) -> None:
-        """Show what has changed in the book.
+        """Show the changes of the book.
 
         Raises:
             TwinError: the book cannot be read.

@@ -14,7 +14,7 @@
 #
 # SPDX-License-Identifier: Apache-2.0
 
-"""Values in the registers of a PLC (Modbus): where each lies, as what type, and all of them in one request."""
+"""Values in the registers of a PLC (Modbus): address and type of each, all read in one request."""
 
 from __future__ import annotations
 

@@ -119,7 +119,7 @@ class RecordNode(Node):
         self._discover()
 
     def close(self) -> None:
-        """Complete the recording and say what is in it.
+        """Complete the recording and print its contents.
 
         Raises:
             RecordingError: the disk takes no more, or the file has gone.
@@ -140,7 +140,7 @@ class RecordNode(Node):
         print(f"recorded {self._progress.counts.total()} messages in {path}: {self._progress}", flush=True)
 
     def _drain(self, writer: BagWriter) -> None:
-        """Take what has come before the end and waits still, within a time that those who end this node give it.
+        """Take the messages that wait at the end, within the time that a service manager allows.
 
         Raises:
             RecordingError: the disk takes no more, or the file has gone.
@@ -196,7 +196,7 @@ class RecordNode(Node):
             self._take(topic, raw)
 
     def _discover(self) -> None:
-        """Listen to what has come to be; a topic that is new is declared in the recording."""
+        """Subscribe to new topics and declare them in the recording."""
         try:
             self._inlets.discover()
         except OSError as error:
@@ -255,7 +255,7 @@ class RecordNode(Node):
         self.get_logger().warning(self._stood_still)
 
     def _end_recording(self, path: Path, error: OSError) -> None:
-        """The disk takes no more, or the file has gone: what is on it stays, the node ends."""
+        """End the node where the disk is full or the file has gone; written messages stay."""
         self._close_writer()
         if not self.finished.done():
             self.finished.set_exception(self._cut_short(path, error))

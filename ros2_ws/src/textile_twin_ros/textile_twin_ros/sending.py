@@ -29,7 +29,7 @@ _TRIES = 50
 
 
 def patient(send: Send) -> Send:
-    """The same as `send`, for as long as queues hold what comes meanwhile: five seconds."""
+    """Send as `send` does, for the five seconds that queues can buffer."""
 
     def sending(message: bytes) -> None:
         for _ in range(_TRIES - 1):

@@ -14,7 +14,7 @@
 #
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters that every node with the machine's sensors as inputs has: their messages, and what is known of them."""
+"""Parameters of every node with the machine's sensors as inputs: message types and known properties."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@
 #
 # SPDX-License-Identifier: Apache-2.0
 
-"""A simulated main shaft that runs up to a speed with ripple, and what its encoder and its torque sensor show."""
+"""Simulated main shaft that runs up to a speed with ripple, with readings of its encoder and torque sensor."""
 
 from __future__ import annotations
 

@@ -71,7 +71,7 @@ class ShaftParameters(EncoderParameters):
 
 
 class ShaftNode(Node):
-    """Publishes what the machine's sensors would, with its own sensor model; a thread of its own keeps the time."""
+    """Publishes readings of the machine's sensor model, timed by a thread of its own."""
 
     def __init__(self) -> None:
         super().__init__("shaft_node")

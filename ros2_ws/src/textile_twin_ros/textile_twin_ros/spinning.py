@@ -56,7 +56,7 @@ _OVERDUE_S = 0.5
 
 
 class SuiteNode(Protocol):
-    """An rclpy node of the suite: what it offers for its start and its end."""
+    """An rclpy node of the suite, with its start and its end."""
 
     executor_name: str
     finished: Future  # done when the node has nothing left to do; its result is the exit code
@@ -100,7 +100,7 @@ def call_every(node: Node, period_s: float, callback: Callable[[], None]) -> Non
 
 
 def catch_up(node: Node) -> None:
-    """Do what is long overdue, where more messages come than the node is through with."""
+    """Run overdue periodic tasks where messages come faster than the node takes them."""
     for regular in _REGULAR.get(node, ()):
         regular.catch_up()
 
@@ -187,7 +187,7 @@ def run(command: str, create: Callable[[], SuiteNode], declaration: type, argume
 
 
 def _created(create: Callable[[], SuiteNode]) -> SuiteNode:
-    """The node; what rclpy refuses in its parameters, or the middleware in its settings, is the user's mistake.
+    """Create the node; parameters that rclpy refuses, or settings of the middleware, are the user's mistake.
 
     Raises:
         SceneError: a parameter of rclpy's own has a wrong value, or the middleware cannot give what the environment

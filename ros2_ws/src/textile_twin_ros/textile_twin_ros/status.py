@@ -14,7 +14,7 @@
 #
 # SPDX-License-Identifier: Apache-2.0
 
-"""A running suite in the terminal: what its nodes say of themselves on /diagnostics, machine by machine."""
+"""Status of a running suite in the terminal: the nodes' /diagnostics, machine by machine."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from textile_twin_ros.own_topics import NODES
 
 _LISTEN_S = 2.5
 _SILENT_S = 3.5
-"""A node that has said nothing for so long, of what it says every second, is gone."""
+"""Silence [s] after which a node is gone; each reports every second."""
 _PERIOD_S = 1.0
 _PATIENCE_S = 6.0
 """On a busy computer DDS finds a node after seconds, which then speaks once a second: so long nothing is no proof."""
@@ -101,7 +101,7 @@ def show(seconds: float | None, follow: bool, out: Callable[[str], object] = sys
 
 
 def take(heard: dict[str, Heard], message: DiagnosticArray, now_s: float) -> None:
-    """Take in what a node says: all that it has to say, so that what it said before is over."""
+    """Take a node's complete report; it replaces the one before."""
     ours = {status.name: Heard(status, now_s) for status in message.status if _is_ours(status.name)}
     speakers = {name.partition(":")[0] for name in ours}
     for name in [name for name in heard if name.partition(":")[0] in speakers]:
@@ -110,7 +110,7 @@ def take(heard: dict[str, Heard], message: DiagnosticArray, now_s: float) -> Non
 
 
 def text_of(heard: Mapping[str, Heard], now_s: float, colours: bool = False) -> str:
-    """The statuses of all machines as lines: machine, node, and what it says; the last line sums up."""
+    """The statuses of all machines as lines: machine, node, and message; the last line sums up."""
     rows: dict[str, dict[str, list[tuple[bytes, str, str]]]] = {}
     hardware: dict[str, str] = {}
     for name, one in sorted(heard.items()):

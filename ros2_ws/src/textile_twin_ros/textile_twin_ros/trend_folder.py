@@ -78,7 +78,7 @@ class TrendFolder:
         self._waiting.clear()
 
     def _drop_oldest(self) -> str:
-        """Keep memory bounded; what is dropped, in words."""
+        """Bound the memory; return a sentence on the dropped rows."""
         dropped, self._waiting = self._waiting[: -self._most], self._waiting[-self._most :]
         if not dropped:
             return ""

@@ -43,7 +43,7 @@ class TurnWatch:
     def look(
         self, newest: tuple[int, float] | None, watched: bool, torques: tuple[IntArray, FloatArray] | None
     ) -> None:
-        """Take what became of a block.
+        """Take the result of a block.
 
         Args:
             newest: how far the shaft is by now: stamp [ns] and angle [rad]; None where that is not known.

@@ -184,7 +184,7 @@ class TwinNode(LifecycleNode):
 
     @ends_on_error
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Give what the estimator still holds, and stop listening."""
+        """Publish the estimator's last samples, and stop listening."""
         if self._stream is not None:
             self._stream.flush()
         self._stop_listening()
@@ -205,7 +205,7 @@ class TwinNode(LifecycleNode):
 
     @ends_on_error
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Give what the estimator still holds, and end the node."""
+        """Publish the estimator's last samples, and end the node."""
         if self._stream is not None and self._active:
             self._stream.flush()
         self._stop_listening()
@@ -260,7 +260,7 @@ class TwinNode(LifecycleNode):
         return [*statuses, judged(status, self._rivals())]
 
     def _rivals(self) -> list[Finding]:
-        """Another twin on the same topics: what listeners hear is then both machines' at once."""
+        """Another twin on the same topics: listeners then hear both machines at once."""
         assert self._stream is not None
         topic = next(iter(self._stream.publishers.values())).topic_name
         names = [publisher_name(info) for info in self.get_publishers_info_by_topic(topic)]

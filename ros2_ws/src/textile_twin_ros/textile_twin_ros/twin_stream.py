@@ -14,7 +14,7 @@
 #
 # SPDX-License-Identifier: Apache-2.0
 
-"""The twin between its topics: one session, the publishers, and what is computed for whom."""
+"""Twin between its topics: one session, the publishers, and the outputs that listeners need."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ class TwinStream:
         self._restarts.reset()
 
     def choose_outputs(self, measured: bool) -> None:
-        """Compile for what somebody listens to now.
+        """Compile the outputs that have listeners now.
 
         Args:
             measured: whether there is measured torque, so that residuals can be.
@@ -175,7 +175,7 @@ class TwinStream:
                 self._publish_residuals(self._residuals.measured(stamp, torque))
 
     def flush(self) -> None:
-        """Publish what an estimator that looks ahead still holds."""
+        """Publish the last samples of an estimator that looks ahead."""
         self._publish(self._session.finish().rows(self._wants_sigma))
 
     @property

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from textile_twin_core.views import LiveElements, LiveView
 
 Listen = Callable[[str, Kind, str, Callable[[list[Sample]], None]], SampleInput]
-"""Opens an input: topic, kind, joint, what takes its samples."""
+"""Opens an input: topic, kind, joint, taker of its samples."""
 
 
 _MOST_WAITING = 50_000
@@ -43,7 +43,7 @@ _MOST_WAITING = 50_000
 
 
 class Feed(Protocol):
-    """Inputs that gather samples, and what hands them on."""
+    """Inputs that gather samples for the view."""
 
     inputs: list[SampleInput]
 
@@ -51,7 +51,7 @@ class Feed(Protocol):
         """Those whose silence is worth a word."""
 
     def hand_over(self) -> None:
-        """Give the view what has come since the last time."""
+        """Give the view the samples since the last call."""
 
 
 class LinkageFeed:
@@ -97,7 +97,7 @@ class LinkageFeed:
                 del self._turned[:-_MOST_WAITING]
 
     def hand_over(self) -> None:
-        """Give the view what has come since the last time."""
+        """Give the view the samples since the last call."""
         self._follow_restart()
         if self._turned:
             turned_ns = np.array([stamp for stamp, _ in self._turned], dtype=np.int64)
@@ -177,7 +177,7 @@ class ElementFeed:
         return self.inputs
 
     def hear(self, message: DiagnosticArray) -> None:
-        """Take what happened at stops and pads."""
+        """Take contact events."""
         events = contact_events(message)
         self._view.add_events([StampedEvent(stamp + self._shift_ns, event) for stamp, event in events])
 
@@ -212,6 +212,6 @@ def _columns(samples: list[Sample]) -> tuple[IntArray, FloatArray]:
 
 
 def _drop_before(samples: list[Sample], stamp_ns: int) -> None:
-    """Forget what is older than a stamp, but for the newest of it: the next interval begins there."""
+    """Drop samples older than a stamp, except the newest of them: the next interval begins there."""
     older = sum(sample[0] < stamp_ns for sample in samples)
     del samples[: max(older - 1, 0)]
