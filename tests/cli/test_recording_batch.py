@@ -20,7 +20,7 @@ from textile_twin_core.recordings import BagWriter
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two recordings of a tufting machine, one with more friction from the start, and a file that is none."""
+    """Write two recordings of a tufting machine, one with more friction from the start, and an invalid file."""
     made_in = tmp_path_factory.mktemp("shift")
     for name, kind in (("friction", "friction"), ("healthy", "")):
         made = faulty(kind, 1.2, 71, duration_s=14.0, onset_s=0.0, rate=120.0).recording
@@ -32,14 +32,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def same(a: Any, b: Any) -> bool:
-    """The same but for the last digits, which compiled and interpreted loops differ in."""
+    """Compare up to the last digits, in which compiled and interpreted loops differ."""
     if isinstance(a, list):
         return len(a) == len(b) and all(map(same, a, b))
     return a == pytest.approx(b, rel=1e-9, abs=1e-9, nan_ok=True) if isinstance(a, float) else a == b
 
 
 def kill_a_busy_worker(cluster: Any, killed: list[int]) -> None:
-    """Kill the first worker that has a recording in work, as a kernel that is out of memory does."""
+    """Kill the first worker that processes a recording, as a kernel without free memory does."""
     from distributed import Client
 
     with Client(cluster.scheduler_address, set_as_default=False) as client:

@@ -226,7 +226,7 @@ def test_bad_angles_stop_the_work_or_are_counted(tmp_path: Path, capsys: pytest.
     assert counted["samples"]["rejected_by_cause"]["angle_not_finite"] == 2
 
 
-def test_a_stamp_that_jumps_ahead_stops_the_work_or_is_counted(
+def test_a_stamp_far_ahead_stops_the_work_or_is_counted(
     tmp_path: Path, bag: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Use a stamp that would discard every later sample for an hour."""

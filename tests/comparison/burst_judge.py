@@ -1,4 +1,4 @@
-"""What `compare` says of samples: the steps of the command, on arrays."""
+"""Comparison of arrays of samples, by the steps of the command `compare`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from textile_twin_core.recordings.samples import AngleSamples, TorqueSamples
 
 
 def judged(samples: Sampled, machine: Machine) -> Comparison:
-    """The comparison of samples with a machine, their stamps as they are."""
+    """Compare samples with a machine, at their own stamps."""
     angles = AngleSamples("/angle", samples.angle_stamps, samples.angle, None)
     torque = TorqueSamples("/torque", samples.torque_stamps, samples.torque_Nm)
     angles, torque, timings = evenly_timed(angles, torque, machine)

@@ -1,4 +1,4 @@
-"""The prediction's track: exact for cubics it can represent, never across a gap or a jump."""
+"""Track of the prediction: exact for cubics that it represents, never across a gap or a discontinuity."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_error_falls_with_the_third_power_of_the_step_or_better() -> None:
     assert errors[1] / errors[2] > 7.5
 
 
-def test_parabola_stays_exact_up_to_a_jump_from_both_sides() -> None:
+def test_parabola_stays_exact_up_to_a_step_from_both_sides() -> None:
     time = np.linspace(0.0, 1.0, 501)
     theta = 2 * np.pi * 4.0 * time
     event = 1.0
@@ -43,7 +43,7 @@ def test_parabola_stays_exact_up_to_a_jump_from_both_sides() -> None:
     track, jumps = build_track(time, parabola + step, theta, [event])
     assert jumps == (True,)
     np.testing.assert_allclose(track.step_time_s, (event / (2 * np.pi) + np.arange(4)) / 4.0, atol=1e-12)
-    # Up to the undeclared fall at angle zero.
+    # Up to the undeclared step at angle zero.
     at = np.linspace(0.01, 0.24, 2000)
     index, _ = track.piece(at)
     torque, _ = track.torque_at(at, index)
@@ -52,7 +52,7 @@ def test_parabola_stays_exact_up_to_a_jump_from_both_sides() -> None:
 
 
 def test_a_kink_is_followed_to_its_tip() -> None:
-    """Friction turns with the needle: the tip of |sin| between two samples, which no smooth curve meets."""
+    """Friction reverses with the needle: a tip of |sin| between two samples, which no smooth curve follows."""
     time = np.linspace(0.0, 1.0, 501)
     theta = 2 * np.pi * time
     tip = 2.0003
@@ -71,7 +71,7 @@ def test_two_events_between_two_samples_are_not_interpolated() -> None:
     assert np.flatnonzero(track.blocked).tolist() == [24]
 
 
-def test_guard_widens_what_lies_beside_a_jump() -> None:
+def test_guard_widens_the_time_beside_a_step() -> None:
     time = np.linspace(0.0, 1.0, 501)
     theta = 2 * np.pi * time
     track, _ = build_track(time, np.where(theta >= 3.0, 5.0, 0.0) + 0.1 * time, theta, [3.0])

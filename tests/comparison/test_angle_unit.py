@@ -1,4 +1,4 @@
-"""In which unit an angle is logged: seen where it begins anew, and never said of angles in radians."""
+"""Unit of a logged angle: detected from its wraps, and never reported for angles in radians."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ TURN = 2.0 * math.pi
 
 
 def turning(turns: float, a_turn: float, seed: int = 1, run_up: bool = False) -> np.ndarray:
-    """An angle [rad] that makes so many turns with so many samples a turn at full speed, unevenly."""
+    """Angle [rad] over a number of turns, with `a_turn` uneven samples a turn at full speed."""
     rng = np.random.default_rng(seed)
     step = np.full(round(turns * a_turn), TURN / a_turn)
     if run_up:
@@ -26,13 +26,13 @@ def turning(turns: float, a_turn: float, seed: int = 1, run_up: bool = False) ->
 @pytest.mark.parametrize("direction", [1, -1])
 @pytest.mark.parametrize("a_turn", [8, 30, 200, 1000])
 @pytest.mark.parametrize(
-    ("turn", "told"), [(360.0, "deg"), (1.0, "rev"), (400.0, "gon"), (4096, "4096"), (7200, "7200")]
+    ("turn", "option"), [(360.0, "deg"), (1.0, "rev"), (400.0, "gon"), (4096, "4096"), (7200, "7200")]
 )
-def test_a_wrapped_angle_shows_its_unit(turn: float, told: str, a_turn: float, direction: int, run_up: bool) -> None:
+def test_a_wrapped_angle_shows_its_unit(turn: float, option: str, a_turn: float, direction: int, run_up: bool) -> None:
     angle = np.mod(direction * turning(8.0, a_turn, run_up=run_up), TURN) * (turn / TURN)
     seen = other_unit(np.floor(angle) if turn > 400.0 else angle)
-    assert seen is not None and seen.option == told
-    assert seen.to_radians == pytest.approx(TURN / turn) == radians_of(told)
+    assert seen is not None and seen.option == option
+    assert seen.to_radians == pytest.approx(TURN / turn) == radians_of(option)
     if turn == 360.0:
         about_zero = other_unit(np.where(angle > 180.0, angle - 360.0, angle))
         assert about_zero is not None and about_zero.option == "deg"
@@ -51,13 +51,13 @@ def test_round_counts_are_not_taken_for_powers_of_two(counts: int, a_turn: float
 
 
 @pytest.mark.parametrize("counts", [1250, 1440, 8640])
-def test_counts_of_more_digits_are_told_by_the_readings(counts: int) -> None:
+def test_counts_of_more_digits_follow_from_the_readings(counts: int) -> None:
     seen = other_unit(np.floor(np.mod(turning(12.0, 2.0 * counts), TURN) * (counts / TURN)))
     assert seen is not None and seen.option == str(counts)
 
 
 def radians() -> dict[str, np.ndarray]:
-    """Angles in radians that are not to be taken for anything else."""
+    """Angles in radians that must not be taken for another unit."""
     theta = turning(400.0, 200)
     rest = np.full(5000, 3.0) + 1e-3 * np.random.default_rng(3).standard_normal(5000)
     return {
@@ -88,16 +88,16 @@ def radians() -> dict[str, np.ndarray]:
 
 
 @pytest.mark.parametrize("name", radians())
-def test_radians_are_not_accused(name: str) -> None:
+def test_radians_are_not_taken_for_another_unit(name: str) -> None:
     assert other_unit(radians()[name]) is None
 
 
-def test_an_angle_that_begins_anew_once_is_seen_but_accuses_nobody() -> None:
+def test_a_single_wrap_is_seen_but_shows_no_unit() -> None:
     angle = np.rad2deg(np.mod(turning(1.2, 200), TURN))
     assert angle_unit(angle).name == "degrees" and other_unit(angle) is None
 
 
 @pytest.mark.parametrize("unit", ["", "0", "-4096", "nan", "inf", "degrees"])
-def test_what_is_no_unit_is_refused(unit: str) -> None:
+def test_an_unknown_unit_is_refused(unit: str) -> None:
     with pytest.raises(ValueError):
         radians_of(unit)

@@ -1,4 +1,4 @@
-"""Means weighed by triangles: an acceleration in them is a second difference of the angle."""
+"""Block averages with triangular weights: that of an acceleration is a second difference of the angle."""
 
 from __future__ import annotations
 

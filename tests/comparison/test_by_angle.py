@@ -1,4 +1,4 @@
-"""Bins of the shaft angle: blocks of any size give what the whole gives, to rounding, far from zero too."""
+"""Bins of the shaft angle: blocks of any size give the bins of the whole, to rounding, also far from zero."""
 
 from __future__ import annotations
 

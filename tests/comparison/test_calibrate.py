@@ -1,4 +1,4 @@
-"""Sensors settled from recordings whose truth is known, and the intervals that come with them."""
+"""Sensors calibrated from recordings of known truth, and their intervals."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_every_sensor_setting_of_a_loom_is_found_at_once() -> None:
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
     found = calibrate(readings, machine)
     assert (found.direction, found.ratio, found.sign, found.unit) == (-1, 0.5, -1, "N cm")
-    # Of a wrapped encoder that turns twice a turn only the half turn of its first reading is to be told.
+    # A wrapped encoder that turns twice a turn leaves the half turn of its first reading ambiguous.
     apart = math.remainder(found.zero_rad.value + 2.0, 2.0 * math.pi) * 0.5
     assert abs(apart) < min(5.0 * found.zero_rad.sigma, math.radians(0.4))
     assert found.gain.value == pytest.approx(1.0, abs=0.01)
@@ -45,7 +45,7 @@ def test_every_sensor_setting_of_a_loom_is_found_at_once() -> None:
     assert again.verdict == ()
 
 
-def test_what_one_speed_cannot_tell_is_named_with_the_recording_that_could() -> None:
+def test_an_ambiguity_at_one_speed_is_named_with_the_recording_that_resolves_it() -> None:
     case = healthy("tufting", 952, run_up=False, duration_s=12.0)
     case = replace(case, torque=replace(case.torque, delay_s=0.005))
     made = record(case)
@@ -58,8 +58,8 @@ def test_what_one_speed_cannot_tell_is_named_with_the_recording_that_could() -> 
     assert found.to_json()["ambiguous"][0]["recording"]
 
 
-def test_friction_and_loads_that_nobody_declared_are_not_taken_for_the_torque_sensor() -> None:
-    """At rest its offset shows apart from friction, over the turn its gain apart from the needles' force."""
+def test_undeclared_friction_and_loads_are_not_taken_for_the_torque_sensor() -> None:
+    """Standstill separates the sensor's offset from friction, the turn separates its gain from the needles' force."""
     case = healthy("tufting", 954)
     friction = replace(case.friction, coulomb_Nm=case.friction.coulomb_Nm + 0.5)
     case = replace(case, friction=friction, backing=replace(case.backing, force_N=1030.0))
@@ -76,8 +76,8 @@ def test_friction_and_loads_that_nobody_declared_are_not_taken_for_the_torque_se
 
 
 @pytest.mark.parametrize("offset_Nm", [0.15, -0.2])
-def test_an_offset_too_small_to_accuse_anybody_is_written_all_the_same(offset_Nm: float) -> None:
-    """And the RMS that is told is that of the machine that is written."""
+def test_an_offset_below_the_reporting_threshold_is_still_written(offset_Nm: float) -> None:
+    """The stated RMS is that of the machine that is written."""
     case = healthy("tufting", 955)
     case = replace(case, torque=replace(case.torque, offset_Nm=offset_Nm))
     made = record(case)
@@ -91,8 +91,8 @@ def test_an_offset_too_small_to_accuse_anybody_is_written_all_the_same(offset_Nm
     assert found.rms_after_Nm == pytest.approx(0.08, rel=0.1)
 
 
-def test_a_shaft_held_at_rest_is_no_offset(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A brake's torque, gone while the shaft turns."""
+def test_a_brake_at_standstill_is_no_offset(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Torque of a brake that is released while the shaft turns."""
     monkeypatch.setattr(mill_recordings, "run_up_and_down", plan_of((0.0, 0.0), (4.0, 0.0), (7.0, 1.0), (24.0, 1.0)))
     case = healthy("tufting", 957)
     made = record(case)
@@ -107,7 +107,7 @@ def test_a_shaft_held_at_rest_is_no_offset(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 @pytest.mark.parametrize("seed", [955, 958, 959, 960])
-def test_a_rest_without_an_offset_tells_how_far_off_none_may_be(seed: int) -> None:
+def test_a_standstill_without_an_offset_bounds_the_offset(seed: int) -> None:
     case = healthy("tufting", seed)
     made = record(case)
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
@@ -118,8 +118,8 @@ def test_a_rest_without_an_offset_tells_how_far_off_none_may_be(seed: int) -> No
     assert abs(found.offset_Nm.value) < 4.0 * found.offset_Nm.sigma < 0.1
 
 
-def test_the_offset_of_the_shipped_recording_is_told_by_its_rest() -> None:
-    """One second at rest, noise of 0.05 N m: its README says that there is no offset."""
+def test_the_offset_of_the_shipped_recording_follows_from_its_standstill() -> None:
+    """One second of standstill, noise of 0.05 N m, and by its README no offset."""
     bag = open_bag(Path(__file__).parents[2] / "bags" / "tufting_160rpm_synthetic")
     angles, torques = bag.read_angles(), bag.read_torques()
     readings = Readings(angles.stamps, angles.angles_rad, torques.stamps, torques.torque_Nm, angles.velocities)
@@ -144,7 +144,7 @@ def _has_sigmas_or_says_so(found: Calibration) -> None:
 
 
 def spring_torque(theta: Floats) -> Floats:
-    """What the shaft of the loom must give for the spring of SPRING_LOOM: the slope of the energy it stores."""
+    """Torque of the loom's shaft for the spring of SPRING_LOOM: the slope of the stored energy."""
     turn = 2.0 * math.pi * np.arange(4097) / 4096
     pin = 0.06 * np.exp(1j * turn)
     across = 0.3 - pin
@@ -160,7 +160,7 @@ SPRING_LOOM = LOOM_FILE.replace("C: [0.3, 0]", "C: [0.3, 0], H: [0.1, 0.35]").re
 
 
 @pytest.mark.parametrize("offset_Nm", [0.0, 0.8])
-def test_a_spring_that_holds_the_shaft_at_rest_is_no_offset(offset_Nm: float, tmp_path: Path) -> None:
+def test_a_spring_at_standstill_is_no_offset(offset_Nm: float, tmp_path: Path) -> None:
     case = healthy("loom", 958)
     case = replace(
         case, torque=replace(case.torque, offset_Nm=offset_Nm), friction=replace(case.friction, coulomb_Nm=1.6)
@@ -178,7 +178,7 @@ def test_a_spring_that_holds_the_shaft_at_rest_is_no_offset(offset_Nm: float, tm
     assert found.machine.sensors.torque.offset_Nm == pytest.approx(offset_Nm, abs=0.05)
 
 
-def test_the_rms_that_is_told_leaves_in_what_the_file_does_not_get() -> None:
+def test_the_stated_rms_contains_the_estimates_that_are_not_written() -> None:
     case = healthy("tufting", 956)
     case = replace(case, friction=replace(case.friction, coulomb_Nm=case.friction.coulomb_Nm + 1.0))
     made = record(case)
@@ -198,8 +198,8 @@ def test_a_recording_of_another_machine_gives_no_calibration() -> None:
 
 
 @pytest.mark.parametrize("offset_Nm", [0.13, 0.2, 0.31])
-def test_an_offset_is_told_no_finer_than_the_steps_of_the_sensor(offset_Nm: float) -> None:
-    """At rest a torque that is logged with one decimal may show one value throughout, up to half a step off."""
+def test_an_offset_is_no_finer_than_the_steps_of_the_sensor(offset_Nm: float) -> None:
+    """Torque with one decimal at standstill may show one value throughout, off by up to half a step."""
     case = healthy("tufting", 976, duration_s=24.0)
     made = record(replace(case, torque=replace(case.torque, offset_Nm=offset_Nm, noise_Nm=0.01)))
     torque = np.round(made.torque, 1)
@@ -212,7 +212,7 @@ def test_an_offset_is_told_no_finer_than_the_steps_of_the_sensor(offset_Nm: floa
 
 @pytest.mark.parametrize(("rest_s", "delay_s"), [(0.0, 0.0), *more((0.0, 0.002), (4.0, 0.002))])
 def test_a_lighter_machine_of_the_same_kind_does_not_mirror_the_sensors(rest_s: float, delay_s: float) -> None:
-    """Encoder and torque turned round, a seventh of the gain, loads of -4 times left 0.7 of the error."""
+    """Reversed encoder and torque, a seventh of the gain and loads of -4 times left 0.7 of the error."""
     heavy = ttc.machines.tufting()
     light = replace(heavy, bodies=tuple(body for body in heavy.bodies if body.on in ("l3", "l6")))
     time = np.arange(0.0, 30.0, 0.002)
@@ -228,7 +228,7 @@ def test_a_lighter_machine_of_the_same_kind_does_not_mirror_the_sensors(rest_s: 
 
 
 def plan_of(*points: tuple[float, float]) -> Callable[[float, float, np.random.Generator], Plan]:
-    """A motion by (time [s], share of the speed)."""
+    """Motion given by (time [s], share of the speed)."""
 
     def make(_: float, speed: float, rng: np.random.Generator) -> Plan:
         start = float(rng.uniform(0.0, 2.0 * math.pi))
@@ -242,7 +242,7 @@ def plan_of(*points: tuple[float, float]) -> Callable[[float, float, np.random.G
 def test_a_delay_in_a_steep_run_up_does_not_mirror_the_machine(
     mistakes: tuple[str, ...], seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Too few turns for two speeds, yet a zero does not explain what a delay does to them."""
+    """Too few turns for two speeds, yet a zero does not have the effect of a delay."""
     plan = plan_of((0.0, 0.0), (20.0, 0.0), (20.5, 1.0), (22.0, 1.002), (22.5, 0.0), (22.51, 0.0))
     monkeypatch.setattr(mill_recordings, "run_up_and_down", plan)
     case, _ = mistaken("tufting", mistakes, seed, duration_s=22.51)
@@ -254,8 +254,8 @@ def test_a_delay_in_a_steep_run_up_does_not_mirror_the_machine(
     assert found.gain.value == pytest.approx(1.0, abs=0.01)
 
 
-def test_a_rest_of_nearly_all_of_a_record_hides_no_motion(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Eight seconds of motion within four minutes; what the clocks do at rest is no drift of them."""
+def test_a_long_standstill_hides_no_motion(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Eight seconds of motion within four minutes; differences of the clocks at standstill are no drift."""
     plan = plan_of((0.0, 0.0), (180.0, 0.0), (181.0, 1.0), (187.0, 1.003), (188.0, 0.0), (240.0, 0.0))
     monkeypatch.setattr(mill_recordings, "run_up_and_down", plan)
     case, _ = mistaken("loom", ("direction", "delay"), 101, duration_s=240.0)

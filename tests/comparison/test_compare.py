@@ -36,12 +36,12 @@ EVENTS = [Event("entry", ENTRY), Event("lowest", LOWEST), Event("exit", EXIT)]
 
 
 def angle(time_s: npt.NDArray[np.floating[Any]]) -> FloatArray:
-    """A shaft at about 160 rpm with a ripple, in closed form."""
+    """Angle of a shaft at about 160 rpm with a ripple, in closed form."""
     return np.asarray(OMEGA * time_s + 0.004 * np.sin(OMEGA * time_s), dtype=np.float64)
 
 
 def torque(theta: FloatArray) -> FloatArray:
-    """Smooth inertia part and a friction that starts and ends with a jump, as the needle's in the backing."""
+    """Smooth inertia part, and a friction that starts and ends with a step, as the needle's in the backing."""
     phase = np.mod(theta, 2 * np.pi)
     inside = (phase >= ENTRY) & (phase < EXIT)
     return 0.4 * np.sin(2 * theta) + 0.5 * np.cos(theta) + inside * 17.0 * np.abs(np.cos(phase - 0.4))
@@ -93,8 +93,8 @@ def test_delay_sigma_covers_the_truth() -> None:
 
 
 @pytest.mark.parametrize("away", np.linspace(-2.0, 2.0, 9))
-def test_a_delay_that_is_settled_is_known(away: float) -> None:
-    """What is written down of a delay lies within its sigma, and may by chance lessen the error more than the best."""
+def test_a_calibrated_delay_is_identifiable(away: float) -> None:
+    """The rounded delay in a file lies within its sigma, and may by chance have a smaller error than the best one."""
     arrays = recording(noise=0.4)
     best = compare_torque(*arrays, torque_sensor=Sensor(1.01, 0.03), events=EVENTS).fit
     settled = Sensor(1.01, 0.03, best.delay_s + away * best.delay_sigma_s)
@@ -126,17 +126,17 @@ def test_noise_alone_gives_its_own_rms_bias_and_correlation() -> None:
     assert result.errors.correlation == pytest.approx(truth, rel=1e-12)
 
 
-def test_no_sample_is_compared_across_the_jump_and_all_are_counted() -> None:
+def test_no_sample_is_compared_across_the_step_and_all_are_counted() -> None:
     measured_ns, measured, predicted_ns, predicted, theta = recording(noise=0.0)
     result = compare_torque(measured_ns, measured, predicted_ns, predicted, theta, events=EVENTS)
     assert [event.jump for event in result.events] == [True, False, True]
     turns = (theta[-1] - theta[0]) / (2 * np.pi)
-    # Two jumps a turn, a guard of 1 ms about each, one measured sample in 2 ms.
+    # Two steps a turn, a guard of 1 ms about each, one measured sample in 2 ms.
     assert 0.7 * turns < result.samples.by_cause["load_jump"] < 1.3 * turns
     assert np.max(np.abs(result.residual_Nm[result.used])) < 0.25  # gain and offset of the sensor
     assert result.samples.used + result.samples.rejected == result.samples.measured == measured.size
     linear = np.interp(measured_ns - 2_000_000, predicted_ns, predicted)
-    assert np.max(np.abs(measured - linear)) > 5.0  # what interpolation across the jump would have shown
+    assert np.max(np.abs(measured - linear)) > 5.0  # error of an interpolation across the step
 
 
 def test_every_bad_sample_is_rejected_under_its_cause() -> None:
@@ -207,17 +207,17 @@ def test_errors_by_revolution_find_the_bad_turn() -> None:
 
 def test_json_is_nested_plain_and_complete() -> None:
     result = compare_torque(*recording(noise=0.1), events=EVENTS, rejected={"gap": 2})
-    told = json.loads(json.dumps(result.to_json(), allow_nan=False))
-    assert told["torque"]["rms_error_Nm"] == result.errors.rms_error_Nm
-    assert told["torque"]["rms_over_peak"] == result.errors.rms_over_peak
-    assert told["torque"]["correlation"] == result.errors.correlation
-    assert told["torque"]["delay_s"] == result.fit.delay_s
-    assert told["torque"]["configured"]["delay_s"] == 0.0
-    assert told["samples"]["used"] == result.samples.used
-    assert told["samples"]["rejected"] == result.samples.rejected
-    assert told["samples"]["rejected_by_cause"]["angle_gap"] == 2
-    assert told["revolutions"] == pytest.approx(21.3, abs=0.1)
-    assert len(told["by_angle"]["mean_Nm"]) == 120
+    numbers = json.loads(json.dumps(result.to_json(), allow_nan=False))
+    assert numbers["torque"]["rms_error_Nm"] == result.errors.rms_error_Nm
+    assert numbers["torque"]["rms_over_peak"] == result.errors.rms_over_peak
+    assert numbers["torque"]["correlation"] == result.errors.correlation
+    assert numbers["torque"]["delay_s"] == result.fit.delay_s
+    assert numbers["torque"]["configured"]["delay_s"] == 0.0
+    assert numbers["samples"]["used"] == result.samples.used
+    assert numbers["samples"]["rejected"] == result.samples.rejected
+    assert numbers["samples"]["rejected_by_cause"]["angle_gap"] == 2
+    assert numbers["revolutions"] == pytest.approx(21.3, abs=0.1)
+    assert len(numbers["by_angle"]["mean_Nm"]) == 120
     labels = [label for label, _ in summary_rows(result)]
     assert labels[:2] == ["RMS error", "RMS error over peak"]
 
@@ -283,8 +283,8 @@ def test_empty_and_nearly_empty_recordings_are_refused() -> None:
         compare_torque(measured_ns, measured, predicted_ns, predicted, theta, settled=np.zeros(theta.size, dtype=bool))
 
 
-@pytest.mark.parametrize(("delay_s", "told"), [(2.0, "write 0.002"), (-0.35, "-0.35 s is more than"), (0.05, "")])
-def test_a_configured_delay_beyond_what_is_sought_is_told(delay_s: float, told: str) -> None:
+@pytest.mark.parametrize(("delay_s", "expected"), [(2.0, "write 0.002"), (-0.35, "-0.35 s is more than"), (0.05, "")])
+def test_a_configured_delay_beyond_the_search_is_reported(delay_s: float, expected: str) -> None:
     result = compare_torque(*recording(), torque_sensor=Sensor(delay_s=delay_s), events=EVENTS)
     notes = [note for note in result.notes if "is more than the 0.1 s by which another is sought" in note]
-    assert len(notes) == bool(told) and all(told in note for note in notes)
+    assert len(notes) == bool(expected) and all(expected in note for note in notes)

@@ -14,7 +14,7 @@ from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import ShaftPlace
 
 
-def test_a_shaft_that_twists_is_named_and_accuses_no_sensor() -> None:
+def test_a_shaft_that_twists_is_named_and_no_sensor() -> None:
     wide = WideMachine(0.06)
     made = simulate(wide, 500.0, 2.5, settle_s=1.0)
     machine = dataclasses.replace(ttc.machines.tufting(), linkages=(ShaftPlace(),) * wide.stations)

@@ -22,7 +22,7 @@ from textile_twin_core.recordings.bag import AngleSamples
 from textile_twin_core.recordings.prediction import recompute
 
 
-def test_a_declared_shaft_is_accused_of_nothing_and_a_gain_is_found() -> None:
+def test_a_declared_shaft_has_no_fault_and_a_gain_is_found() -> None:
     wide = WideMachine(0.06)
     made, machine = record(wide, 300.0), declared(wide, True)
     angle = np.mod(made.encoder_rad, 2.0 * np.pi)
@@ -39,7 +39,7 @@ def test_a_declared_shaft_is_accused_of_nothing_and_a_gain_is_found() -> None:
 @pytest.mark.campaign
 @pytest.mark.parametrize("diameter_m", [0.04, 0.06])
 def test_a_force_that_is_wrong_in_the_file_is_found_on_a_shaft_that_twists(diameter_m: float, tmp_path: Path) -> None:
-    """4 m of steel of 40 mm, 5000 N m/rad: taken for rigid, the torque is wrong by a third of its peak."""
+    """4 m of steel of 40 mm, 5000 N m/rad: with a rigid model the torque is wrong by a third of its peak."""
     wide = WideMachine(diameter_m)
     made, machine = simulate(wide, 300.0, 6.0, settle_s=1.0, seed=11), declared(wide, True)
     (backing,) = machine.loads

@@ -1,4 +1,4 @@
-"""An event's angle from samples beside it: interval and value where samples tell it finer than the grid of shifts."""
+"""Angle of an event from samples beside it: value and interval, if samples are denser than the grid of shifts."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _RECORDS = 20
 
 
 def _found(true_rad: float, samples: int, noise_Nm: float, seed: int) -> EventAngle:
-    """What is found of a leap of 16 N m at a shift, from samples 0.02 rad around."""
+    """Estimate a step of 16 N m at a shift, from samples 0.02 rad around."""
     rng = np.random.default_rng(seed)
     past = rng.uniform(-0.02, 0.02, samples)
     measured = np.where(past > true_rad, 16.0, 0.0) + rng.normal(0.0, noise_Nm, samples)
@@ -27,9 +27,9 @@ def _found(true_rad: float, samples: int, noise_Nm: float, seed: int) -> EventAn
 @pytest.mark.slow
 @pytest.mark.parametrize("samples", [15, *more(400)])
 def test_the_interval_holds_truth_and_value(samples: int) -> None:
-    """400 samples are nine to a step of the grid, 15 a third of one.
+    """400 samples are nine to a step of the grid, 15 are a third of one.
 
-    Of 20 intervals of 95 % fewer than 16 hold the truth once in 400 times.
+    Fewer than 16 of 20 intervals of 95 % contain the truth once in 400 times.
     """
     rng = np.random.default_rng(samples)
     inside = 0
@@ -37,7 +37,7 @@ def test_the_interval_holds_truth_and_value(samples: int) -> None:
         shift = _found(float(true), samples, 0.05, seed).shift
         low, high = shift.interval95
         assert low < shift.value < high
-        # Below a step of the grid nothing is told; a step is all that a sharp posterior has.
+        # A sharp posterior is as wide as a step of the grid, which cannot resolve less.
         assert shift.sigma >= 0.999 * _GRID_RAD / math.sqrt(12.0)
         assert high - low >= 0.9 * _GRID_RAD
         if samples == 400:

@@ -1,4 +1,4 @@
-"""Chosen numbers of a machine file from recordings whose truth is worked out apart from the engine."""
+"""Chosen numbers of a machine file, estimated from recordings whose truth is computed without the engine."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Parameters found again in recordings whose truth is worked out apart from the engine."""
+"""Parameters identified in recordings whose truth is computed without the engine."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def entry_and_exit(plane_m: float) -> tuple[float, float]:
 
 
 @pytest.mark.slow
-def test_a_run_up_tells_every_parameter_of_the_tufting_machine() -> None:
+def test_a_run_up_determines_every_parameter_of_the_tufting_machine() -> None:
     case = healthy("tufting", 971, duration_s=30.0)
     case = replace(
         case,
@@ -62,7 +62,7 @@ def test_a_run_up_tells_every_parameter_of_the_tufting_machine() -> None:
     assert backing.entry_plane_m == pytest.approx(0.5572, abs=2e-5)
 
 
-def test_at_one_speed_what_cannot_be_told_is_named_and_stays() -> None:
+def test_at_one_speed_unidentifiable_parameters_are_named_and_fixed() -> None:
     case = healthy("loom", 972, run_up=False, duration_s=16.0)
     found = identified(case)
     lost = {each.name for each in found.not_identifiable}
@@ -79,10 +79,10 @@ def test_at_one_speed_what_cannot_be_told_is_named_and_stays() -> None:
     ("seed", "bits", "gain_Nms"),
     [(982, 11, 2.0), *more((980, 13, 2.0), (980, 16, 2.0), (985, 11, 2.0), (984, 13, 5.0))],
 )
-def test_under_a_controller_of_the_speed_an_inertia_that_acts_as_a_delay_is_not_told(
+def test_under_a_speed_controlled_drive_no_inertia_is_estimated_beside_a_delay(
     seed: int, bits: int, gain_Nms: float
 ) -> None:
-    """Gain 1.03, 4 ms late, no inertia beside the file's; noise of 0.03 N m, stamps wrong by 30 us."""
+    """Gain 1.03, delay 4 ms, no inertia beside the file's; noise of 0.03 N m, stamps wrong by 30 us."""
     case = healthy("loom", seed, duration_s=24.0)
     fine, angle, _, torque = speed_controlled_motion(case, gain_Nms, (9.0, 14.0))
     rng = np.random.default_rng([seed, bits])
@@ -100,8 +100,8 @@ def test_under_a_controller_of_the_speed_an_inertia_that_acts_as_a_delay_is_not_
     assert found.parameters["torque_sensor_delay_s"].value == pytest.approx(0.004, abs=2e-4 if bits > 12 else 3e-4)
 
 
-def test_a_backing_that_no_needle_comes_as_far_as_is_not_sought() -> None:
-    """The largest travel is 0.5743 m; the record is of a needle that is free throughout, with noise of 0.08 N m."""
+def test_a_backing_beyond_the_needle_is_not_fitted() -> None:
+    """The largest travel is 0.5743 m; in this record the needle never meets the backing; noise of 0.08 N m."""
     case = healthy("tufting", 978, duration_s=16.0)
     made = record(replace(case, backing=Backing(force_N=15.0, free_force_N=15.0)))
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
@@ -113,8 +113,8 @@ def test_a_backing_that_no_needle_comes_as_far_as_is_not_sought() -> None:
     assert shallow in found.machine.loads
 
 
-def test_of_several_backings_it_is_told_that_they_are_not_sought() -> None:
-    """Two of half the force, of a record that is of one: nothing is lost but what `identify` does not fit."""
+def test_several_backings_are_reported_as_not_fitted() -> None:
+    """A record of one backing, a file with two of half the force: only the event angles are not fitted."""
     case = healthy("tufting", 979, duration_s=16.0)
     made = record(case)
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
@@ -131,7 +131,7 @@ def test_of_several_backings_it_is_told_that_they_are_not_sought() -> None:
     assert halves == found.machine.loads[:2]
 
 
-def test_a_torque_that_nobody_modelled_comes_out_with_its_band() -> None:
+def test_an_unmodelled_torque_comes_out_with_its_band() -> None:
     case = healthy("loom", 973, duration_s=24.0)
     made = record(case)
     theta = made.plan.at((made.torque_stamps_ns - made.torque_stamps_ns.min()) * 1e-9 + 0.0507)[0]
@@ -146,7 +146,7 @@ def test_a_torque_that_nobody_modelled_comes_out_with_its_band() -> None:
 
 
 def two_turns(seed: int) -> tuple[Case, Readings, Callable[[FloatArray], FloatArray]]:
-    """A loom whose load, unknown to its file, repeats every second turn."""
+    """Record of a loom whose load, missing in its file, repeats every second turn."""
     case = healthy("loom", seed, duration_s=24.0)
     made = record(case)
     start = np.floor(made.plan.start_rad / (2.0 * np.pi)) * 2.0 * np.pi
@@ -171,7 +171,7 @@ def test_a_load_over_two_turns_comes_out_over_two_turns() -> None:
     assert float(np.sqrt(np.mean(error**2))) < 0.05
     assert float(np.median(left.band_Nm)) < 0.1
     assert float(np.mean(np.abs(error) < left.band_Nm)) > 0.6
-    # Over one turn what changes sign from turn to turn is not there.
+    # A torque that changes sign from turn to turn vanishes in the mean over one turn.
     alone = identify(readings, machine).unmodelled
     assert float(np.ptp(alone.torque_Nm)) == pytest.approx(0.6, abs=0.1)
     with pytest.raises(RecordingError, match="lasts 2 turns"):
@@ -199,7 +199,7 @@ def test_too_little_motion_is_said_and_nothing_is_fitted(points: Sequence[tuple[
         identify(Readings(stamps, angle, stamps, torque), configured_machine(case))
 
 
-def test_gaps_are_told_and_what_is_beside_them_counts() -> None:
+def test_gaps_are_reported_and_samples_beside_them_count() -> None:
     case = healthy("tufting", 977, duration_s=24.0)
     made = record(case)
     since = (made.angle_stamps_ns - made.angle_stamps_ns[0]) * 1e-9

@@ -1,4 +1,4 @@
-"""Faults that set in while the machine runs: found, named by their evidence, and nothing said of a healthy machine."""
+"""Faults that begin while the machine runs: detected and named by their evidence; no alarm of a healthy machine."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def readings_of(r: MillRecording) -> Readings:
 
 
 def in_blocks(monitor: Monitor, r: MillRecording, block_s: float) -> Iterator[tuple[float, Trend]]:
-    """A recording as it comes live: time since its begin, and what was watched by then."""
+    """Play a recording live: yield the time since its begin, and the trend of the turns watched by then."""
     edges = np.arange(r.angle_stamps_ns[0], r.angle_stamps_ns[-1], round(block_s * 1e9)).tolist()
     for number, (begin, end) in enumerate(pairwise(edges), 1):
         angle = (r.angle_stamps_ns >= begin) & (r.angle_stamps_ns < end)
@@ -79,7 +79,7 @@ def test_a_sensor_that_stands_still_at_its_largest_or_smallest_torque_stands_sti
 
 
 def onset_turns(trend: Trend, recording: MillRecording, *onsets_s: float) -> list[float]:
-    """Turns from each onset until its alarm."""
+    """Number of turns from each onset until its alarm."""
     since = np.array([alarm.stamp_ns - recording.torque_stamps_ns[0] for alarm in trend.alarms]) * 1e-9
     return [float(away) for away in (since - np.array(onsets_s)) * SPEED["tufting"] / (2.0 * np.pi)]
 
@@ -94,7 +94,7 @@ def onset_turns(trend: Trend, recording: MillRecording, *onsets_s: float) -> lis
         (("noise", 2.0), ("friction", 1.2)),
     ],
 )
-def test_a_fault_beside_one_that_stands_is_told_too(first: tuple[str, float], second: tuple[str, float]) -> None:
+def test_a_fault_beside_a_standing_one_is_reported_too(first: tuple[str, float], second: tuple[str, float]) -> None:
     made = faulty(*first, 985, duration_s=62.0, onset_s=28.0, rate=250.0)
     both = with_fault(made.recording, made.case, *second, 48.0)
     trend = monitor_recording(readings_of(both), configured_machine(made.case), _SETTINGS)
@@ -105,8 +105,8 @@ def test_a_fault_beside_one_that_stands_is_told_too(first: tuple[str, float], se
     assert second[0] != "sensor_offset" or told == pytest.approx(first[1] + second[1], rel=0.1)
 
 
-def test_a_fault_that_stands_is_told_once_and_goes_when_the_machine_is_as_learnt() -> None:
-    """Friction from 28 s on, which is put right at 70 s; a gain in between, put right at 60 s."""
+def test_a_standing_fault_is_reported_once_and_clears_when_the_machine_is_as_learnt() -> None:
+    """Friction from 28 s to 70 s, and a gain in between, corrected at 60 s."""
     made = faulty("", 0.0, 986, duration_s=112.0, rate=250.0)
     worn = with_fault(made.recording, made.case, "friction", 0.6, 28.0, 70.0)
     worn = with_fault(worn, made.case, "sensor_gain", 0.12, 45.0, 60.0)
@@ -122,7 +122,7 @@ def test_a_fault_that_stands_is_told_once_and_goes_when_the_machine_is_as_learnt
 
 @pytest.mark.parametrize("viscous_Nms", [0.0, 0.04])
 def test_an_alarm_at_another_speed_than_learnt_says_so(viscous_Nms: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A healthy machine whose file has no friction goes on at 0.7 and 0.5 of its speed, then at that learnt at."""
+    """A healthy machine whose file lacks friction runs at 0.7 and 0.5 of its speed, then again at the learnt one."""
     speed = SPEED["tufting"]
     shares = ((0.0, 1.0), (30.0, 1.0), (33.0, 0.7), (48.0, 0.7), (51.0, 0.5), (66.0, 0.5), (70.0, 1.0), (80.0, 1.0))
     plan = Plan([(time, share * speed) for time, share in shares], 0.4, [(1, 0.02, 0.3)])
@@ -136,8 +136,8 @@ def test_an_alarm_at_another_speed_than_learnt_says_so(viscous_Nms: float, monke
     assert alarm.kind == "constant_torque" and "another speed" not in alarm.text
 
 
-def test_torque_without_any_noise_has_no_more_of_it() -> None:
-    """As of a simulator: from the 55th turn on rounding was 3.9 times as much noise as learnt."""
+def test_noise_free_torque_raises_no_noise_alarm() -> None:
+    """A simulator's torque: from the 55th turn on, rounding was 3.9 times the learnt noise."""
     theta = 16.755 * 0.002 * np.arange(12_000)
     torque = compile_machine(tufting(), ["balancing_torque_Nm"]).evaluate(theta, 16.755)["balancing_torque_Nm"]
     stamps = 10**18 + 2_000_000 * np.arange(theta.size)
@@ -145,7 +145,7 @@ def test_torque_without_any_noise_has_no_more_of_it() -> None:
 
 
 def test_torque_without_any_noise_beside_a_real_encoder_has_no_unknown_part() -> None:
-    """What is left of the torque is of 1e-8 N m, and changes as the samples wander through the turn."""
+    """The residual is of 1e-8 N m, and changes as the samples move through the turn."""
     twin, step, noise = (
         compile_machine(tufting(), ["balancing_torque_Nm"]),
         2.0 * np.pi / 8192,
@@ -168,7 +168,7 @@ def test_nothing_is_said_of_a_healthy_machine() -> None:
 
 
 def test_a_turn_that_the_shaft_does_not_end_lacks_no_samples(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The machine runs down and stops amid a turn, whose part holds more samples than a whole one at speed."""
+    """The machine stops within a turn, which then has more samples than a whole one at speed."""
     speed = SPEED["tufting"]
     plan = Plan([(0.0, speed), (30.0, speed), (32.0, 0.1 * speed), (32.5, 0.1 * speed), (33.3, 0.0)], 0.4, [])
     monkeypatch.setattr(mill_recordings, "steady", lambda *_: plan)
@@ -214,7 +214,7 @@ def test_a_shaft_that_turns_backwards_is_watched_in_the_order_of_time() -> None:
 
 
 def test_a_shaft_that_stands_or_a_silent_sensor_fills_no_memory() -> None:
-    """Three minutes at 50 Hz; what no turn ends is held for one."""
+    """Three minutes at 50 Hz; samples of an unfinished turn are dropped after one minute."""
     stamps = 1_700_000_000_000_000_000 + np.arange(180 * 50) * 20_000_000
     for angle, torque in ((True, True), (True, False), (False, True)):
         monitor = Monitor(tufting())
@@ -230,7 +230,7 @@ def test_a_shaft_that_stands_or_a_silent_sensor_fills_no_memory() -> None:
 
 
 def test_time_set_back_is_watched_on() -> None:
-    """The healthy part is learnt; then the clock goes back, and the needles' force has changed."""
+    """The healthy part is learnt; then the clock is set back, and the needles' force changes."""
     monitor = Monitor(configured_machine(faulty("", 0.0, 983, duration_s=1.0, onset_s=0.5, rate=250.0).case), _SETTINGS)
     alarms = []
     for kind, size in (("", 0.0), ("needle_force", 0.2)):

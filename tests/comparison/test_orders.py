@@ -31,7 +31,7 @@ def amplitude(found: OrderMap, order: float) -> FloatArray:
 
 
 def test_the_documented_example_of_rpmordermap_within_one_percent() -> None:
-    """Orders 1, 0.5, 4 and 6 of amplitudes 1, 1, 2 and 1; the map of rpmordermap holds their RMS."""
+    """Orders 1, 0.5, 4 and 6 of amplitudes 1, 1, 2 and 1; rpmordermap gives their RMS."""
     time, angle = run_up()
     signal = np.array([1.0, 1.0, 2.0, 1.0]) @ np.cos(np.array([[1.0], [0.5], [4.0], [6.0]]) * angle)
     found = order_map(time, angle, signal)
@@ -54,7 +54,7 @@ def test_the_documented_waterfall_example_within_one_percent() -> None:
 
 
 def test_another_route_of_order_tracking_gives_the_same_amplitudes() -> None:
-    """Integrals over the angle of the samples as they come, without any resampling (time variant Fourier transform)."""
+    """Integrals over the angle of the samples without resampling (time variant Fourier transform)."""
     rng = np.random.default_rng(3)
     time = np.arange(40_000) / 1000.0
     angle = 2.0 * np.pi * (4.0 * time + 0.05 * time**2) + 0.3 * np.sin(2.0 * np.pi * 0.2 * time)

@@ -1,4 +1,4 @@
-"""A camera's trace of the sley, and a speed under a torque, against machines; truth by equations of their own."""
+"""Traces of the sley by a camera, and a speed under a torque, compared with machines; truth by other equations."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def test_camera_trace_by_commands_alone(tmp_path: Path, capsys: pytest.CaptureFi
         assert words in capsys.readouterr().err
 
 
-def test_a_velocity_is_told_at_the_speed_of_the_shaft(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_velocity_is_compared_at_the_speed_of_the_shaft(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     speed, time = 20.0, np.arange(4000) / 1000.0
     theta = speed * time
     twin = ttc.compile(ttc.machines.tufting(), ["needle_velocity_m_s", "needle_acceleration_m_s2"])
@@ -105,7 +105,7 @@ def test_speed_under_a_torque_gives_inertia_and_delay() -> None:
     rotor = 0.021  # a bare rotor, whose motion under a torque by time is known in closed form
     speed, rate = 100.0, 4000.0
     time = np.arange(0.0, 1.6, 1.0 / rate)
-    # omega = w0 + sum a sin(h w0 t): alpha by hand; so slight a ripple that angle and w0 t are one.
+    # omega = w0 + sum a sin(h w0 t), alpha by hand; the ripple is so small that the angle equals w0 t.
     waves = ((0.5, 0.6), (1.0, 0.4), (1.5, 0.3), (2.0, 0.2))
     theta = speed * time - sum(a / (h * speed) * np.cos(h * speed * time) for h, a in waves)
     late = time - 0.0005
@@ -131,7 +131,7 @@ def test_speed_under_a_torque_gives_inertia_and_delay() -> None:
 @pytest.mark.parametrize("phase", [0.5 * np.pi, -0.5 * np.pi])
 def test_where_in_a_strong_ripple_the_cycle_begins_does_not_matter(phase: float) -> None:
     rotor, height, order, mean = 0.02, 0.16, 0.5, 300.0
-    # Of the energy: omega^2 = mean square (1 + height sin(order theta + phase)), so the torque is half its slope.
+    # By the energy: omega^2 = mean square (1 + height sin(order theta + phase)), so the torque is half its slope.
     theta = np.linspace(0.0, 4.0 * np.pi * 9.3, 400_001)
     omega = mean * np.sqrt(1.0 + height * np.sin(order * theta + phase))
     time = scipy.integrate.cumulative_simpson(1.0 / omega, x=theta, initial=0.0)
@@ -148,7 +148,7 @@ def test_where_in_a_strong_ripple_the_cycle_begins_does_not_matter(phase: float)
 
 
 def traced(name: str, delay_s: float, zero_rad: float, begin_s: float = 0.02) -> Trace:
-    """An output of the tufting machine at 300 Hz from a time on, with noise; 12 s whose first 6 s are a run-up."""
+    """Output of the tufting machine at 300 Hz from a time on, with noise, in 12 s with a run-up of 6 s."""
     fine = np.arange(0.0, 12.0, 1e-4)
     omega = 8.0 + 9.0 * np.minimum(fine / 6.0, 1.0)
     theta = np.concatenate([[0.0], np.cumsum(0.5 * (omega[1:] + omega[:-1]) * 1e-4)])
@@ -164,7 +164,7 @@ def traced(name: str, delay_s: float, zero_rad: float, begin_s: float = 0.02) ->
 
 
 @pytest.mark.parametrize("name", ["reaction_O_x_N", "driven_shaft_torque_Nm", "needle_position_m"])
-def test_a_quantity_that_leaps_gives_delay_and_zero_as_a_smooth_one_does(name: str) -> None:
+def test_a_discontinuous_quantity_gives_delay_and_zero_like_a_smooth_one(name: str) -> None:
     found = compare_quantity(traced(name, 0.004, 0.1), ttc.machines.tufting(), name)
     assert found.scale.value == pytest.approx(1.0, abs=1e-3)
     assert found.delay_s.value == pytest.approx(0.004, abs=max(4.0 * found.delay_s.sigma, 1e-4))
@@ -186,15 +186,15 @@ def test_a_trace_of_one_speed_within_a_record_of_many_is_of_one_speed() -> None:
         compare_quantity(traced("needle_position_m", 0.0, 0.0, 11.6), ttc.machines.tufting(), "needle_position_m")
 
 
-def test_what_the_angle_does_not_change_tells_no_zero() -> None:
+def test_a_quantity_independent_of_the_angle_determines_no_zero() -> None:
     found = compare_quantity(traced("omega_1_rad_s", 0.01, 0.1), ttc.machines.tufting(), "omega_1_rad_s")
     assert found.zero_rad.value == 0.0 and math.isnan(found.zero_rad.sigma)
     assert found.delay_s.value == pytest.approx(0.01, abs=2e-3)
 
 
 def stopped(name: str, stop_rad: float) -> Trace:
-    """An output of the tufting machine at work for 4 s between rests of 9 s each, measured 4 ms late; it rests at an
-    angle, where friction holds the needle with a force of its own, which grows and fades.
+    """Output of the tufting machine at work for 4 s between standstills of 9 s each, measured 4 ms late. It stands at
+    an angle where friction holds the needle with a force that grows and fades.
     """
     time = np.arange(0.0, 24.0, 0.002)
     ramp = np.clip((time - 9.0) / 1.0, 0.0, 1.0) - np.clip((time - 14.0) / 1.0, 0.0, 1.0)
@@ -216,7 +216,7 @@ def stopped(name: str, stop_rad: float) -> Trace:
 
 @pytest.mark.parametrize("name", ["driven_shaft_torque_Nm", "reaction_guide_N", "balancing_torque_Nm"])
 @pytest.mark.parametrize("stop_rad", [math.radians(107.0), 0.5, 5.0])
-def test_what_friction_holds_at_rest_tells_nothing(name: str, stop_rad: float) -> None:
+def test_forces_of_friction_at_standstill_do_not_count(name: str, stop_rad: float) -> None:
     found = compare_quantity(stopped(name, stop_rad), ttc.machines.tufting(), name)
     assert found.scale.value == pytest.approx(1.0, abs=2e-3)
     assert found.delay_s.value == pytest.approx(0.004, abs=1e-3)
@@ -224,7 +224,7 @@ def test_what_friction_holds_at_rest_tells_nothing(name: str, stop_rad: float) -
     assert found.at_rest == pytest.approx(18.0 * 500.0, rel=0.02) and found.time_s.size < 3200
 
 
-def test_a_place_is_told_at_rest_too() -> None:
+def test_a_place_counts_at_standstill_too() -> None:
     found = compare_quantity(stopped("needle_position_m", 0.5), ttc.machines.tufting(), "needle_position_m")
     assert found.at_rest == 0 and found.time_s.size > 11_000
     assert found.scale.value == pytest.approx(1.0, abs=1e-3)
@@ -232,13 +232,13 @@ def test_a_place_is_told_at_rest_too() -> None:
 
 
 @pytest.mark.parametrize("name", ["needle_velocity_m_s", "omega_1_rad_s"])
-def test_a_speed_has_no_dry_friction_and_counts_at_rest(name: str) -> None:
+def test_a_speed_has_no_dry_friction_and_counts_at_standstill(name: str) -> None:
     found = compare_quantity(stopped(name, 0.5), ttc.machines.tufting(), name)
     assert found.at_rest == 0 and found.time_s.size > 11_000
     assert found.scale.value == pytest.approx(1.0, abs=1e-3)
 
 
-def test_a_force_at_rest_alone_is_refused_in_a_line() -> None:
+def test_a_force_at_standstill_alone_is_refused_in_a_line() -> None:
     whole = stopped("reaction_guide_N", 0.5)
     rest = slice(8000, 12000)
     trace = Trace(whole.stamps_ns[rest], whole.values[rest], whole.angle_stamps_ns, whole.angle_rad)
@@ -252,14 +252,14 @@ def test_a_force_at_rest_alone_is_refused_in_a_line() -> None:
 
 @pytest.mark.parametrize("name", ["reaction_guide_N", "needle_position_m"])
 @pytest.mark.parametrize("after_s", [-100, 100, 3600])
-def test_stamps_of_another_clock_are_told_as_that_and_not_as_a_rest(name: str, after_s: int) -> None:
+def test_stamps_of_another_clock_are_not_reported_as_a_standstill(name: str, after_s: int) -> None:
     whole = stopped(name, 0.5)
     trace = Trace(whole.stamps_ns + after_s * 10**9, whole.values, whole.angle_stamps_ns, whole.angle_rad)
     with pytest.raises(RecordingError, match=r"only 0 of 12000 samples of .* beside shaft angles; .* one clock"):
         compare_quantity(trace, ttc.machines.tufting(), name)
 
 
-def test_samples_beyond_the_angles_are_not_counted_as_at_rest() -> None:
+def test_samples_beyond_the_angles_do_not_count_as_standstill() -> None:
     whole = stopped("reaction_guide_N", 0.5)
     known = slice(2500, 9000)
     trace = Trace(whole.stamps_ns, whole.values, whole.angle_stamps_ns[known], whole.angle_rad[known])

@@ -1,4 +1,4 @@
-"""Torques that a sensor or drive cuts off: told, and left out; what only looks like it stays."""
+"""Torques clipped by a sensor or drive: reported and left out; torques that only look clipped stay."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from textile_twin_core.comparison.range_ends import at_range_ends
 
 
 @pytest.mark.parametrize(("machine", "largest_Nm"), [("loom", 3.0), *more(("tufting", 15.0), ("tufting", 10.0))])
-def test_a_torque_that_is_cut_off_accuses_nobody(machine: str, largest_Nm: float) -> None:
+def test_a_clipped_torque_gives_no_false_cause(machine: str, largest_Nm: float) -> None:
     case = healthy(machine, 977, duration_s=24.0)
     made = record(replace(case, torque=replace(case.torque, gain=1.04, delay_s=0.002)))
     torque = np.clip(made.torque, -largest_Nm, largest_Nm)
@@ -27,12 +27,14 @@ def test_a_torque_that_is_cut_off_accuses_nobody(machine: str, largest_Nm: float
     settled = calibrate(readings, configured_machine(case))
     exact = settled.given_file["torque.gain"]
     assert abs(exact.value - 1.04) < 4.0 * exact.sigma < 0.01
-    assert abs(settled.gain.value - 1.04) < 3.0 * settled.gain.sigma < 0.06  # the file's masses give no better scale
+    assert (
+        abs(settled.gain.value - 1.04) < 3.0 * settled.gain.sigma < 0.06
+    )  # the file's masses determine the scale no better
     assert abs(settled.delay_s.value - 0.002) < 4.0 * settled.delay_s.sigma < 1e-3
 
 
 @pytest.mark.parametrize("offset_Nm", [0.0, -30.0])
-def test_of_a_wave_that_is_cut_off_the_ends_are_found(offset_Nm: float) -> None:
+def test_the_ends_of_a_clipped_wave_are_found(offset_Nm: float) -> None:
     noise = 0.05 * np.random.default_rng(1).normal(size=20_000)
     wave = offset_Nm + 10.0 * np.sin(np.linspace(0.0, 400.0, noise.size)) + noise
     cut = np.minimum(wave, offset_Nm + 9.0)
@@ -43,7 +45,7 @@ def test_of_a_wave_that_is_cut_off_the_ends_are_found(offset_Nm: float) -> None:
 @pytest.mark.parametrize("step_Nm", [0.01, 0.1, 1.0])
 @pytest.mark.parametrize("noise_Nm", [0.0, 0.05])
 def test_steps_and_repeating_turns_are_no_ends(step_Nm: float, noise_Nm: float) -> None:
-    """Of a wave the outermost step is the longest; without noise, every value comes in each turn."""
+    """The extreme step of a wave lasts longest; without noise every value occurs in each turn."""
     angle = np.arange(20_000) * (2.0 * math.pi / 200)
     torque = 10.0 * np.sin(angle) + noise_Nm * np.random.default_rng(2).normal(size=angle.size)
     assert not at_range_ends(np.round(torque / step_Nm) * step_Nm).any()

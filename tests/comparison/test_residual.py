@@ -1,4 +1,4 @@
-"""Residuals of streams: the same as interpolation of the whole record, in whatever order the samples come."""
+"""Residuals of streams: equal to interpolation of the whole record, for any order of arrival of the samples."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_residual_is_that_of_the_whole_record(order: object, gain: float, offset
     stream = ResidualStream(Sensor(gain, offset, delay_ms * 1e-3))
     found: list[Residual] = []
     coming = [("predicted", k) for k in range(len(stamps))] + [("measured", k) for k in range(len(measured))]
-    # Each stream keeps its own order; how the two are interleaved is left to chance.
+    # Each stream keeps its own order; the two are interleaved at random.
     kinds = [kind for kind, _ in coming]
     order.shuffle(kinds)  # type: ignore[attr-defined]
     places = {"predicted": iter(range(len(stamps))), "measured": iter(range(len(measured)))}
@@ -65,7 +65,7 @@ def test_residual_is_that_of_the_whole_record(order: object, gain: float, offset
     assert stream.rms_Nm == pytest.approx(math.sqrt(np.mean(values**2)))
 
 
-def test_nothing_is_told_over_gaps_and_jumps() -> None:
+def test_there_is_no_residual_over_gaps_and_steps() -> None:
     stamps, torques, thetas = predictions(40)
     del stamps[10:36], torques[10:36], thetas[10:36]
     stream = ResidualStream(Sensor(), jump_angles_rad=(0.12, 2.0 * math.pi - 0.3))
@@ -92,8 +92,8 @@ def test_bad_samples_are_counted() -> None:
     assert (stream.given, dict(stream.skipped)) == (0, {})
 
 
-def test_a_sensor_whose_clock_leaps_is_heard_again() -> None:
-    """One stamp a day ahead, and from the half on a clock that is an hour behind and then set right."""
+def test_residuals_resume_after_a_faulty_clock() -> None:
+    """One stamp a day ahead, and in the second half a clock an hour behind, then corrected."""
     stream = ResidualStream(Sensor())
     second = 10**9
     day, hour = 86_400 * second, 3_600 * second
@@ -104,7 +104,7 @@ def test_a_sensor_whose_clock_leaps_is_heard_again() -> None:
         behind = hour if 200 <= number < 300 else 0
         told += stream.measured(stamp + (day if number == 50 else 0) - behind, 1.5)
     stamps = [(item.stamp_ns - day) // 10_000_000 for item in told]
-    # Nine go until it is known that the clock goes on from there; what an hour ago has no prediction is left out.
+    # Nine samples pass until the restart of the clock is certain; an hour ago there is no prediction.
     assert stamps == [*range(50), *range(60, 200), *range(300, 400)]
     assert {item.residual_Nm for item in told} == {0.5}
 
@@ -121,7 +121,7 @@ def test_memory_is_bounded() -> None:
     assert len(silent._stamps) <= 101
 
 
-def test_the_load_of_the_tufting_machine_jumps_at_entry_and_exit() -> None:
+def test_the_load_of_the_tufting_machine_steps_at_entry_and_exit() -> None:
     twin = ttc.compile(ttc.machines.tufting(), outputs=["balancing_torque_Nm"])
     # Entry and exit of the needle at 557.84 mm (Xu et al. 2016).
     np.testing.assert_allclose(np.rad2deg(load_steps(twin)), [21.9512, 193.9262], atol=5e-4)

@@ -1,4 +1,4 @@
-"""A rotor without a linkage: gain, inertia and friction carry the same torque, and no angle is told from another."""
+"""Rotor without a linkage: gain, inertia and friction give the same torque, and all angles look alike."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ INERTIA_KGM2, VISCOUS_NMS, COULOMB_NM = 9.6e-4, 2e-3, 0.065
 
 
 def machine(folder: Path, inertia: float = 1.0, friction: float = 1.0) -> Machine:
-    """The rotor with shares of its inertia and of its friction."""
+    """Rotor with shares of its inertia and of its friction."""
     path = folder / "rotor.yaml"
     path.write_text(
         "points: {O: [0, 0]}\n"
@@ -29,7 +29,7 @@ def machine(folder: Path, inertia: float = 1.0, friction: float = 1.0) -> Machin
 
 
 def readings(seed: int, gain: float = 1.0) -> Readings:
-    """Twelve strokes of six turns to and fro with rests between them, 16 bits and torque at 1 kHz."""
+    """Twelve strokes of six turns to and fro with standstills between them, 16 bits and torque at 1 kHz."""
     top, rise, hold, rest = 60.0, 0.15, 0.48, 0.3
     fine = np.arange(0.0, 0.5 + 12.0 * (2.0 * rise + hold + rest), 1e-5)
     stroke, within = np.divmod(np.maximum(fine - 0.5, 0.0), 2.0 * rise + hold + rest)
@@ -48,14 +48,14 @@ def readings(seed: int, gain: float = 1.0) -> Readings:
     return Readings(stamps, np.rint(theta[samples] / step) * step, stamps, shown)
 
 
-def test_as_it_is_nothing_is_accused(tmp_path: Path) -> None:
+def test_a_right_file_has_no_fault(tmp_path: Path) -> None:
     found = assess(readings(1), machine(tmp_path))
     assert not found.verdict and found.explained > 0.99
 
 
 @pytest.mark.parametrize("share", [0.5, 0.2, 0.05])
 def test_an_inertia_that_the_file_lacks_is_no_gain_with_less_friction(tmp_path: Path, share: float) -> None:
-    """Both explain the torque to the last digit; one thing is likelier than three."""
+    """Both explain the torque to the last digit; one mistake is likelier than three."""
     (cause,) = assess(readings(2), machine(tmp_path, inertia=share)).verdict
     assert cause.cause == "unmodelled_inertia" and isinstance(cause.value, float)
     assert cause.value == pytest.approx((1.0 - share) * INERTIA_KGM2, abs=4.0 * cause.sigma)
@@ -68,20 +68,20 @@ def test_a_gain_is_no_inertia_with_more_friction(tmp_path: Path) -> None:
 
 
 def test_friction_that_the_file_lacks_is_no_gear(tmp_path: Path) -> None:
-    """With the friction free a gear is a gain."""
+    """A gear acts as a gain if the friction is free."""
     (cause,) = assess(readings(4), machine(tmp_path, friction=0.0)).verdict
     assert cause.cause == "unmodelled_friction"
     assert cause.value == pytest.approx(COULOMB_NM + 60.0 * VISCOUS_NMS, rel=0.05)
 
 
-def test_no_zero_is_told(tmp_path: Path) -> None:
+def test_no_zero_is_stated(tmp_path: Path) -> None:
     found = calibrate(readings(5), machine(tmp_path))
     assert found.zero_rad.value == 0.0
     assert any(each.between == ("zero_rad",) and "does not depend" in each.text for each in found.ambiguous)
 
 
 @pytest.mark.parametrize("share", [1.0, 0.5, 0.05])
-def test_the_gain_stays_and_inertia_and_friction_are_told(tmp_path: Path, share: float) -> None:
+def test_the_gain_stays_and_inertia_and_friction_are_estimated(tmp_path: Path, share: float) -> None:
     found = identify(readings(6), machine(tmp_path, inertia=share, friction=share))
     assert "torque_sensor_gain" in {each.name for each in found.not_identifiable}
     true = {"added_inertia_kgm2": (1.0 - share) * INERTIA_KGM2, "shaft_viscous_Nms": VISCOUS_NMS}
@@ -92,8 +92,8 @@ def test_the_gain_stays_and_inertia_and_friction_are_told(tmp_path: Path, share:
         assert told.sigma < 0.03 * max(value, INERTIA_KGM2), name
 
 
-def test_noise_and_ripple_accuse_neither_machine_nor_sensor(tmp_path: Path) -> None:
-    """A run-up of 20 s; noise and a ripple of the turn hide the torque of the inertia."""
+def test_noise_and_ripple_give_no_false_cause(tmp_path: Path) -> None:
+    """Run-up of 20 s; noise and a ripple of the turn hide the torque of the inertia."""
     rng = np.random.default_rng(57)
     time = np.arange(0.0, 20.0, 1e-3)
     settle_s, top = 2.0, 150.0

@@ -29,7 +29,7 @@ WITHIN = {
 
 
 def truth(wide: WideMachine) -> dict[str, float]:
-    """The simulated values."""
+    """Simulated values."""
     n = wide.stations
     values = (
         wide.piece_stiffness_Nm_rad / n,
@@ -41,7 +41,7 @@ def truth(wide: WideMachine) -> dict[str, float]:
 
 
 def misdeclared(wide: WideMachine, factor: float, **changes: object) -> Machine:
-    """The machine with stiffness, damping and drive wrong by a factor."""
+    """Machine with stiffness, damping and drive wrong by a factor."""
     machine = declared(wide, True, **changes)
     shaft = machine.shaft
     assert shaft is not None
@@ -61,7 +61,7 @@ def misdeclared(wide: WideMachine, factor: float, **changes: object) -> Machine:
 
 
 def far_angle(made: Record) -> np.ndarray:
-    """Readings of a second encoder of 14 bits at the far end, turned by 1 rad."""
+    """Angles of a second encoder of 14 bits at the far end, turned by 1 rad."""
     step = TURN / 2**14
     return np.asarray(np.rint((made.angles_rad[:, -1] + 1.0) / step) * step)
 

@@ -1,4 +1,4 @@
-"""An acceleration with errors of its own: least squares finds too little inertia, instruments do not."""
+"""Acceleration with errors: least squares underestimates the inertia, instruments do not."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ADDED = 0.004
 
 
 def record(seed: int, errors: str) -> tuple[TorqueModel, ShaftTrack, dict[str, float], np.ndarray]:
-    """The tufting machine's model, its motion to take instruments from, where to begin, and the samples to use."""
+    """Model of the tufting machine, its motion for instruments, start values, and the samples to use."""
     rng = np.random.default_rng([seed, 40])
     case = replace(healthy("tufting", seed), friction=Friction(0.05, 0.3), added_inertia_kgm2=ADDED)
     theta, omega, alpha = run_up_and_down(40.0, 16.755, rng).at(TIME)
@@ -33,7 +33,7 @@ def record(seed: int, errors: str) -> tuple[TorqueModel, ShaftTrack, dict[str, f
     off, off1, off2 = np.zeros((3, TIME.size))
     if errors == "of each sample":
         off2 = 1.5 * rng.standard_normal(TIME.size)
-    elif errors == "of every turn":  # high orders of the ripple as an estimator has it, wrong all along
+    elif errors == "of every turn":  # high orders of an estimated ripple, wrong throughout
         wave = 1.5e-4 * np.exp(9.0j * theta)
         off, off1, off2 = wave.real, (9.0j * wave).real * omega, (-81.0 * wave).real * omega**2
     track = ShaftTrack(TIME, theta + off, omega + off1, alpha + off2, 0.01)
@@ -48,7 +48,7 @@ def record(seed: int, errors: str) -> tuple[TorqueModel, ShaftTrack, dict[str, f
 
 
 def fitted(seed: int, errors: str) -> tuple[float, SmoothFit, TorqueModel]:
-    """The inertia of least squares, and the fit by instruments."""
+    """Inertia by least squares, and the fit by instruments."""
     model, steady, values, away = record(seed, errors)
     least = least_squares_fit(model, values, FREE, away, 10)
     return least[INERTIA], instrumented_fit(model, steady, least, FREE, away), model
@@ -93,8 +93,8 @@ def test_without_a_whole_turn_the_motion_stays() -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_instruments_that_tell_nothing_lead_nowhere(seed: int) -> None:
-    """On a motion of another record the steps would run away: least squares stay."""
+def test_useless_instruments_leave_least_squares(seed: int) -> None:
+    """The steps would diverge on the motion of another record: the values of least squares stay."""
     model, _, values, away = record(seed, "of each sample")
     least = least_squares_fit(model, values, FREE, away, 10)
     rng = np.random.default_rng([seed, 41])

@@ -1,4 +1,4 @@
-"""A machine read off a toothed wheel: verdict and monitor go by what the machine file says of the wheel."""
+"""Machine with a toothed wheel as encoder: verdict and monitor use the wheel of the machine file."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PITCH = np.concatenate([0.002 * np.random.default_rng(3).standard_normal(TEETH -
 
 @pytest.fixture(scope="module")
 def readings() -> Readings:
-    """Stamps of a wheel's edges, each off its place by its pitch error, and the torque at 500 Hz."""
+    """Stamps of a wheel's edges, each displaced by its pitch error, and the torque at 500 Hz."""
     rng = np.random.default_rng(961)
     plan = steady(SECONDS, 16.755, rng)
     time = np.linspace(0.0, SECONDS, 200_000)
@@ -49,16 +49,16 @@ def machine(pitch: tuple[float, ...] | None) -> Machine:
     return replace(told, sensors=Sensors(encoder, told.sensors.torque))
 
 
-def test_a_healthy_machine_is_accused_of_nothing(readings: Readings) -> None:
+def test_a_healthy_machine_has_no_fault(readings: Readings) -> None:
     told, unknown = (assess(readings, machine(pitch)) for pitch in (tuple(PITCH.tolist()), None))
     assert told.verdict == () and told.explained > 0.9997
-    # Errors that nobody told are learnt, also those of the ripple's orders.
+    # Errors missing in the file are learnt, also those of the ripple's orders.
     assert unknown.verdict == () and unknown.explained > 0.9997
     assert not any("pitch errors" in note for note in (*told.notes, *unknown.notes))
 
 
 def test_the_monitor_sees_the_noise_of_the_torque_alone(readings: Readings) -> None:
-    """Also where nobody told the wheel's errors: taken for ripple they made it half as large again and more."""
+    """The wheel's errors may be missing in the file: as ripple they enlarged the noise by half and more."""
     noise = []
     for pitch in (tuple(PITCH.tolist()), None):
         monitor = Monitor(machine(pitch), WatchSettings(learn_turns=20))

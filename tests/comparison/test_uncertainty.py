@@ -1,4 +1,4 @@
-"""Uncertainties by turns: the definition with matrices of all samples, and how often intervals hold the truth."""
+"""Uncertainties by turns: the definition with matrices of all samples, and the coverage of intervals."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def by_definition(slopes: np.ndarray, left: np.ndarray, turn: np.ndarray) -> tup
 
 
 def few_turns(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Slopes of a record in which three turns of a run-up tell most of one parameter, and the turns."""
+    """Slopes of a record in which three turns of a run-up determine most of one parameter, and the turns."""
     turn = np.repeat(np.arange(12), rng.integers(8, 30, 12))
     speed = np.where(turn < 3, 0.3 * (turn + 1.0), 1.2)
     return np.column_stack([np.ones(turn.size), speed, np.sin(np.arange(turn.size))]), turn
@@ -37,7 +37,7 @@ def few_turns(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
 def test_it_is_what_its_authors_define() -> None:
     rng = np.random.default_rng(4)
     slopes, turn = few_turns(rng)
-    # Turns that scatter together, so that turns and not samples decide.
+    # Samples are correlated within turns, so that the number of turns counts.
     residual = rng.standard_normal(12)[turn] + 0.3 * rng.standard_normal(turn.size)
     covariance, degrees = by_definition(slopes, pseudo_residuals(residual), turn)
     found = uncertainty_by_turns(slopes, residual, turn)
@@ -75,7 +75,7 @@ def test_intervals_of_few_turns_hold_the_truth(common: float) -> None:
         found = np.linalg.lstsq(slopes, noise, rcond=None)[0]
         half = uncertainty_by_turns(slopes, noise - slopes @ found, turn).half_width
         inside += np.abs(found) < half
-    # The first two hang on three turns: there Satterthwaite's quantile is on the safe side.
+    # The first two depend on three turns: there Satterthwaite's quantile is conservative.
     assert np.all(inside[:2] >= 0.94 * 400)
     assert 0.92 * 400 <= inside[2] <= 0.98 * 400
 

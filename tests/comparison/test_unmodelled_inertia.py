@@ -1,4 +1,4 @@
-"""What turns with the shaft and is not in the machine file: named as such, and no sensor is accused of it."""
+"""Inertia on the shaft that the machine file lacks: named as such, without a false cause at a sensor."""
 
 from __future__ import annotations
 
@@ -54,13 +54,13 @@ def inertia(found: Assessment) -> float:
 
 
 @pytest.mark.parametrize("machine", ["tufting", "loom"])
-def test_in_a_run_up_it_is_told_with_its_number_and_nothing_else(machine: str) -> None:
+def test_in_a_run_up_it_is_the_only_cause_with_its_number(machine: str) -> None:
     found = assess(planned(heavier(machine)), configured_machine(heavier(machine)))
     assert inertia(found) == pytest.approx(ADDED_KGM2, rel=0.02)
     assert len(found.verdict) == 1 and found.explained > 0.998
 
 
-def test_the_torque_sensor_gets_no_gain_of_it() -> None:
+def test_it_changes_no_gain_of_the_torque_sensor() -> None:
     found = calibrate(planned(heavier("tufting")), configured_machine(heavier("tufting")))
     assert found.gain.value == pytest.approx(1.0, abs=4.0 * found.gain.sigma) and found.gain.sigma < 0.02
     exact = found.given_file["torque.gain"]
@@ -71,7 +71,7 @@ def test_the_torque_sensor_gets_no_gain_of_it() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("machine", ["loom", *more("tufting")])
 def test_under_a_controller_of_the_speed_it_is_no_delay(machine: str) -> None:
-    """The torque is then 25 ms late by the looks of it, and a tufting machine's sign was found reversed."""
+    """The torque then looks 25 ms late, and the sign of a tufting machine was estimated reversed."""
     case = heavier(machine)
     readings = speed_controlled(case, 2.0)
     found = assess(readings, configured_machine(case))
@@ -88,8 +88,8 @@ def test_under_a_controller_of_the_speed_it_is_no_delay(machine: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("gain_Nms", [40.0, *more(2.0)])
-def test_thirty_times_the_own_inertia_is_told_where_the_acceleration_leaps_with_the_load(gain_Nms: float) -> None:
-    """Errors of the estimated acceleration, as torque, were larger than all that the machine's torque varies."""
+def test_thirty_times_the_own_inertia_is_found_at_discontinuous_accelerations(gain_Nms: float) -> None:
+    """Errors of the estimated acceleration, as torque, exceeded the whole variation of the machine's torque."""
     case = replace(heavier("tufting"), added_inertia_kgm2=0.2)
     found = assess(speed_controlled(case, gain_Nms), configured_machine(case))
     assert inertia(found) == pytest.approx(0.2, rel=0.02)
@@ -98,7 +98,7 @@ def test_thirty_times_the_own_inertia_is_told_where_the_acceleration_leaps_with_
 
 
 @pytest.mark.slow
-def test_beside_a_sign_that_is_reversed_both_are_told() -> None:
+def test_beside_a_reversed_sign_both_are_named() -> None:
     """A gain, the loads, friction and a zero of 144 degrees explain nearly as much of such a torque."""
     case = replace(heavier("tufting"), added_inertia_kgm2=0.2)
     readings = speed_controlled(case, 2.0)
@@ -116,8 +116,8 @@ def test_at_one_speed_it_is_named_together_with_the_delay() -> None:
     assert cause.value == pytest.approx(ADDED_KGM2, abs=3.0 * cause.sigma) and cause.sigma < 0.2 * ADDED_KGM2
 
 
-def test_a_shaft_that_turns_back_has_the_speed_of_its_way() -> None:
-    """Forth and back its angle goes through the same turns, whose mean speed is none."""
+def test_a_reversing_shaft_has_the_speed_along_its_path() -> None:
+    """Forward and backward the angle passes the same turns, with a mean speed of zero."""
     time = np.arange(0.0, 20.0, 0.002)
     omega = np.where(time < 10.0, 14.0, -14.0)
     theta = 14.0 * np.minimum(time, 20.0 - time)
@@ -139,8 +139,8 @@ def test_the_one_of_a_little_inertia_and_a_delay_names_the_other(added_kgm2: flo
 
 
 @pytest.mark.parametrize(("machine", "gain_Nms"), [("loom", 2.0), *more(("tufting", 2.0), ("tufting", 40.0))])
-def test_late_stamps_under_a_controller_accuse_nobody(machine: str, gain_Nms: float) -> None:
-    """Errors of single accelerations, a part of the torque, lessen it: a gain of 0.944 +- 0.005 and stronger loads."""
+def test_late_stamps_under_a_controller_give_no_false_cause(machine: str, gain_Nms: float) -> None:
+    """Errors of single accelerations reduce the fitted torque: a gain of 0.944 +- 0.005 and stronger loads."""
     case = healthy(machine, 1, duration_s=24.0)
     found = assess(speed_controlled(case, gain_Nms, jitter_s=3e-4), configured_machine(case))
     assert not found.verdict and found.explained > 0.9

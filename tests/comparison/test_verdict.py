@@ -1,4 +1,4 @@
-"""Mistakes by their names: recordings of two machines whose truth is worked out apart from the engine."""
+"""Names of mistakes, in recordings of two machines whose truth is computed without the engine."""
 
 from __future__ import annotations
 
@@ -43,18 +43,18 @@ def test_a_rocker_of_another_mass_is_named_or_an_equivalent_and_no_sensor_is_acc
         for body in machine.bodies
     )
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
-    told = replace(machine, bodies=bodies)
-    found = calibrate(readings, told)
+    declared = replace(machine, bodies=bodies)
+    found = calibrate(readings, declared)
     named = {path for cause in found.assessment.verdict for path in (cause.parameter, *cause.equivalents)}
     assert any("l3" in path for path in named)
     assert not any(path.startswith("sensors.") for path in named)
     assert found.gain.value == pytest.approx(1.0, abs=3.0 * found.gain.sigma)
-    identified = identify(readings, told)  # with the file as it is
+    identified = identify(readings, declared)  # with the file as it is
     assert identified.unmodelled.significant
 
 
 def test_what_is_too_small_to_be_named_is_no_torque_that_repeats() -> None:
-    """Gain and zero by half of what is named, which leave 1 % of the torque by angle."""
+    """Gain and zero at half of the threshold, which leave 1 % of the torque by angle."""
     case = healthy("tufting", 912, duration_s=18.0)
     encoder = replace(case.encoder, zero_rad=math.radians(0.2))
     found = judged(replace(case, encoder=encoder, torque=replace(case.torque, gain=1.012)))
@@ -86,19 +86,19 @@ def test_a_mistake_is_named_first(machine: str, names: tuple[str, ...], run_up: 
 
 @pytest.mark.parametrize("run_up", [True, False])
 def test_what_is_too_small_to_be_named_does_not_move_what_is(run_up: bool) -> None:
-    """An offset of a hundredth of the torque's peak reads as 1.5 % of gain where it has no part in the fit."""
+    """An offset of a hundredth of the torque's peak acts as 1.5 % of gain if it is not fitted."""
     case = healthy("tufting", 913, run_up=run_up, duration_s=18.0)
     judgement = judged(replace(case, torque=replace(case.torque, gain=1.06, offset_Nm=0.2)))
     (found,) = judgement.verdict
     assert found.cause == "torque_gain"
-    # the file's masses and forces, within their tolerances, give no better scale than one per cent
+    # the file's masses and forces, within their tolerances, determine the scale to one per cent
     assert found.value == pytest.approx(1.06, abs=3.0 * found.sigma) and found.sigma < 0.015
     assert judgement.found is not None
     value, sigma = judgement.found.settled.given_file(GAIN)
     assert gain_factor(value) == pytest.approx(1.06, abs=max(3.0 * sigma, 0.001)) and sigma < 0.002
 
 
-def test_a_run_up_tells_zero_from_delay() -> None:
+def test_a_run_up_separates_zero_and_delay() -> None:
     case = healthy("tufting", 903, duration_s=24.0)
     case = replace(
         case,
@@ -132,7 +132,7 @@ def test_an_angle_in_degrees_that_is_not_wrapped_is_seen_by_its_torque(ratio: fl
 
 
 @pytest.mark.parametrize(("turns", "noted"), [(1.5, False), (4.0, True)])
-def test_an_angle_that_begins_anew_once_is_not_noted_as_another_unit(turns: float, noted: bool) -> None:
+def test_a_single_wrap_is_not_noted_as_another_unit(turns: float, noted: bool) -> None:
     stamps = 1_000_000_000 + 5_000_000 * np.arange(round(200 * turns))
     angle = np.mod(360.0 * np.arange(stamps.size) / 200.0 + 1.0, 360.0)
     found = assess(Readings(stamps, angle, stamps, np.zeros(stamps.size)), configured_machine(healthy("tufting", 905)))
@@ -144,7 +144,7 @@ def test_an_angle_that_begins_anew_once_is_not_noted_as_another_unit(turns: floa
     ("machine", "run_up"), [("loom", False), *more(("loom", True), ("tufting", False), ("tufting", True))]
 )
 def test_another_machine_is_not_taken_for_another_unit(machine: str, run_up: bool) -> None:
-    """The angle is not wrapped, so that other units are tried."""
+    """The angle is not wrapped, so other units are tried."""
     case, _ = mistaken(machine, ("other_machine",), 1, run_up=run_up, duration_s=12.0)
     case = replace(case, encoder=replace(case.encoder, wrapped=False))
     names = [cause.cause for cause in judged(case).verdict]
@@ -162,7 +162,7 @@ def test_a_load_without_effect_is_left_as_it_is(force_N: float) -> None:
 
 
 @pytest.mark.parametrize("noise", [True, *more(False)])
-def test_settings_that_explain_nothing_are_not_told(noise: bool) -> None:
+def test_settings_that_explain_nothing_are_not_reported(noise: bool) -> None:
     case = healthy("tufting", 909, duration_s=15.0)
     case = replace(case, encoder=replace(case.encoder, ratio=5.0 / 3.0))
     made = record(case)
@@ -173,17 +173,17 @@ def test_settings_that_explain_nothing_are_not_told(noise: bool) -> None:
 
 
 @pytest.mark.parametrize(("offset", "causes"), [(140.0, ["torque_unit"]), (240.0, ["torque_unit", "torque_offset"])])
-def test_an_offset_that_is_told_is_not_accused_in_another_unit(offset: float, causes: list[str]) -> None:
+def test_a_configured_offset_is_no_fault_in_another_unit(offset: float, causes: list[str]) -> None:
     case = healthy("loom", 908, duration_s=15.0)
     torque, configured = replace(case.torque, gain=100.0, offset_Nm=offset), replace(case.configured, offset_Nm=1.4)
     assert [cause.cause for cause in judged(replace(case, torque=torque, configured=configured)).verdict] == causes
 
 
-def _cut(made: MillRecording, kept: np.ndarray) -> MillRecording:
-    return replace(made, angle_stamps_ns=made.angle_stamps_ns[kept], angle=made.angle[kept])
+def _cut(made: MillRecording, chosen: np.ndarray) -> MillRecording:
+    return replace(made, angle_stamps_ns=made.angle_stamps_ns[chosen], angle=made.angle[chosen])
 
 
-def test_what_tells_nothing_is_said_in_words() -> None:
+def test_an_uninformative_recording_is_reported_in_words() -> None:
     case = healthy("tufting", 906, duration_s=14.0)
     made = record(case)
     rest = made.angle_stamps_ns < made.angle_stamps_ns[0] + 900_000_000
@@ -205,7 +205,7 @@ def test_what_tells_nothing_is_said_in_words() -> None:
         judged(case, replace(made, torque=np.full_like(made.torque, np.nan)))
 
 
-def test_gaps_are_told_and_do_no_harm() -> None:
+def test_gaps_are_reported_and_do_no_harm() -> None:
     case = healthy("tufting", 907, duration_s=18.0)
     made = record(case)
     second = (made.angle_stamps_ns - made.angle_stamps_ns[0]) * 1e-9
@@ -214,7 +214,7 @@ def test_gaps_are_told_and_do_no_harm() -> None:
     assert any("gap" in note for note in found.notes)
 
 
-def test_a_track_that_is_there_already_serves_as_well() -> None:
+def test_an_existing_track_gives_the_same_verdict() -> None:
     case = healthy("tufting", 903, run_up=False, duration_s=12.0)
     case = replace(
         case,
@@ -233,7 +233,7 @@ def test_a_track_that_is_there_already_serves_as_well() -> None:
 
 
 def _driver_set_right(made: MillRecording, before_s: float) -> MillRecording:
-    """A driver that told degrees for a while, without torque beside them, and was started again two seconds before."""
+    """Record of a driver that logged degrees for a while, without torque, and was restarted two seconds before it."""
     stamps = made.angle_stamps_ns[0] - 2_000_000_000 - np.arange(int(before_s * 500.0))[::-1] * 2_000_000
     degrees = np.degrees(16.755) * (stamps - stamps[0]) * 1e-9
     return replace(
@@ -243,8 +243,8 @@ def _driver_set_right(made: MillRecording, before_s: float) -> MillRecording:
     )
 
 
-def test_angles_without_torque_before_a_recording_accuse_nobody() -> None:
-    """In degrees, so that the angle in radians begins anew each turn without being seen to do so."""
+def test_angles_without_torque_before_a_recording_give_no_false_cause() -> None:
+    """The angles are in degrees, so the later angle in radians wraps each turn without being detected."""
     case = healthy("tufting", 908, run_up=False, duration_s=20.0)
     made, machine = _driver_set_right(record(case), 14.0), configured_machine(case)
     angles = AngleSamples("main_shaft/angle", made.angle_stamps_ns, made.angle, None)
@@ -257,7 +257,7 @@ def test_angles_without_torque_before_a_recording_accuse_nobody() -> None:
 
 
 @pytest.mark.parametrize(("second", "by_rad"), [(1.0, -2.0), (12.0, 0.3)])
-def test_a_slip_of_the_encoder_is_told_with_its_time_and_accuses_nobody(second: float, by_rad: float) -> None:
+def test_a_slip_of_the_encoder_is_reported_with_its_time_and_gives_no_false_cause(second: float, by_rad: float) -> None:
     case = healthy("tufting", 910, run_up=False, duration_s=20.0)
     made = record(case)
     after = made.angle_stamps_ns > made.angle_stamps_ns[0] + int(second * 1e9)

@@ -1,4 +1,4 @@
-"""What recordings and nodes write is the same in each distribution of ROS, by definitions and hashes of rosbags."""
+"""Equal messages of recordings and nodes in each distribution of ROS, by definitions and hashes of rosbags."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The fault book: the life of an alarm, entered once whatever is killed, and kept on a full disk."""
+"""Fault book: the life of an alarm, entered once despite killed processes and a full disk."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_an_alarm_is_raised_acknowledged_and_cleared(tmp_path: Path) -> None:
     before = other.version()
     book.update("/m1", "tufting", [FRICTION], [FRICTION, NEEDLE], now_ns=200)
     assert other.version() != before
-    book.update("/m2", "my_loom.yaml", [], [], now_ns=250)  # another monitor clears nothing of this one
+    book.update("/m2", "my_loom.yaml", [], [], now_ns=250)  # another monitor clears no fault of this one
     friction, needle = other.faults("/m1")
     assert (friction.number, friction.raised_ns, friction.cleared_ns, friction.machine) == (1, 100, None, "tufting")
     assert (needle.number, needle.raised_ns, needle.text) == (2, 200, NEEDLE.text)

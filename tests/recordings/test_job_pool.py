@@ -1,4 +1,4 @@
-"""Jobs in processes and on a Dask cluster: a killed process loses no job, and what fails is named."""
+"""Jobs in processes and on a Dask cluster: a killed process loses no job, and failures are named."""
 
 from __future__ import annotations
 

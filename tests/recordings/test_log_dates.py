@@ -1,4 +1,4 @@
-"""Dates and times of day of a log: read where they can be read in one way only, else told."""
+"""Dates and times of day of a log: read if unambiguous, otherwise reported."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def rows_of(*cells: Callable[[int], str]) -> list[str]:
         lambda at: f"{at:%m/%d/%YT%H:%M:%S}:{milliseconds(at)}",
     ],
 )
-def test_dates_that_can_be_read_in_one_way_are(written: Callable[[datetime], str], tmp_path: Path) -> None:
+def test_unambiguous_dates_are_read(written: Callable[[datetime], str], tmp_path: Path) -> None:
     assert import_rows(tmp_path, "Timestamp;angle [rad]", rows_of(lambda k: written(moment(k)))) == 0
     stamps = open_bag(tmp_path / "bag").read_angles().stamps
     assert abs(int(stamps[0]) - int(np.datetime64(BEGIN, "ns").astype(np.int64))) < 1000
@@ -71,9 +71,7 @@ def test_times_of_day_in_twelve_hours_or_with_a_third_colon(written: Callable[[d
 
 
 @pytest.mark.parametrize("date", ["03/04/2026", "3-4-2026"])
-def test_dates_that_can_be_read_in_two_ways_are_told(
-    date: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_ambiguous_dates_are_reported(date: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rows = rows_of(lambda k: f"{date} {moment(k):%H:%M:%S}.{milliseconds(moment(k))}")
     assert import_rows(tmp_path, "Timestamp;angle [rad]", rows) == 2
     said = capsys.readouterr().err
@@ -105,7 +103,7 @@ def test_thirteen_o_clock_in_twelve_hours_is_no_time(tmp_path: Path, capsys: pyt
 def test_a_date_beside_a_timer_that_goes_on_alike(
     whole: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Dates in whole seconds leave the timer; as fine as it they bring the day with them."""
+    """Dates in whole seconds are dropped for the timer; dates as fine as the timer give the day as well."""
     rows = rows_of(
         lambda k: f"{moment(k):%Y-%m-%d %H:%M:%S}" + ("" if whole else f".{milliseconds(moment(k))}"),
         lambda k: f"{7.0 + TIME[k]:.3f}",

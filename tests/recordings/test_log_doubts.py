@@ -1,4 +1,4 @@
-"""A log whose units say one thing and whose values another: told beside what is taken, or refused."""
+"""Logs whose units contradict their values: reported beside the choice, or refused."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def imported(tmp_path: Path, head: str, time: np.ndarray, angle: np.ndarray, *op
 
 
 @pytest.mark.parametrize(
-    ("unit", "turn", "told"),
+    ("unit", "turn", "objection"),
     [
         ("rad", 360.0, "as degrees do: if they are, tell --angle-unit deg"),
         ("deg", TURN, "as radians do: if they are, tell --angle-unit rad"),
@@ -36,27 +36,29 @@ def imported(tmp_path: Path, head: str, time: np.ndarray, angle: np.ndarray, *op
         ("rad", 3.0, ""),
     ],
 )
-def test_an_angle_that_begins_anew_as_another_unit_does(
-    unit: str, turn: float, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_an_angle_that_wraps_as_another_unit(
+    unit: str, turn: float, objection: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert imported(tmp_path, f"time [s],angle [{unit}]", TIME, ANGLE / TURN * turn) == 0
     said = capsys.readouterr().out
-    assert told in said and ("begins anew" in said) == bool(told)
+    assert objection in said and ("begins anew" in said) == bool(objection)
 
 
-def test_counts_of_a_turn_that_are_told_are_no_other_unit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_given_counts_of_a_turn_are_no_other_unit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert imported(tmp_path, "time [s],angle", TIME, ANGLE / TURN * 400.0, "--angle-unit", "400") == 0
     assert "begins anew" not in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(("unit", "told"), [("ms", "2e-06 s from row to row"), ("min", "0.12 s"), ("hours", "7.2 s")])
+@pytest.mark.parametrize(
+    ("unit", "objection"), [("ms", "2e-06 s from row to row"), ("min", "0.12 s"), ("hours", "7.2 s")]
+)
 def test_times_in_a_unit_at_which_no_shaft_is_logged(
-    unit: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    unit: str, objection: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert imported(tmp_path, f"time [{unit}],angle [rad]", TIME, ANGLE) == 0
     said = capsys.readouterr().out
     assert ("if the unit is another, tell --time-unit" in said) == (unit != "min")
-    assert (told in said) == (unit != "min")
+    assert (objection in said) == (unit != "min")
 
 
 @pytest.mark.parametrize("unit", ["h", "hours"])

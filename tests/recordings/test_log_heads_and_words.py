@@ -1,4 +1,4 @@
-"""Names of columns, units and words of a log, wherever its logger puts them."""
+"""Names of columns, units and words at any place of a log."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def bag_of(tmp_path: Path, lines: list[str], separator: str = ",") -> Path:
 
 
 def check(bag: Path, torque_from: int = 0) -> None:
-    """The recording is what was logged, its first `torque_from` torques aside."""
+    """Check that the recording equals the log, except for its first `torque_from` torques."""
     angles, torques = open_bag(bag).read_angles(), open_bag(bag).read_torques()
     np.testing.assert_allclose(angles.angles_rad, ANGLE, atol=2e-8)
     np.testing.assert_allclose((angles.stamps - angles.stamps[0]) * 1e-9, TIME, atol=2e-6)
@@ -108,7 +108,7 @@ def test_units_as_they_are_written_in_other_countries(unit: str, newton_metres: 
     np.testing.assert_allclose(open_bag(bag).read_torques().torque_Nm, newton_metres * TORQUE, rtol=1e-6, atol=1e-7)
 
 
-def test_a_unit_of_something_else_gives_way(tmp_path: Path) -> None:
+def test_a_unit_of_another_quantity_is_dropped(tmp_path: Path) -> None:
     rows = [f"{row},22.5,80" for row in ROWS]
     check(bag_of(tmp_path, ["time [s],phi [°],torque [Nm],T [°C],torque [%]", *rows]))
 
@@ -161,9 +161,7 @@ def test_an_angle_that_rises_evenly_is_no_time(tmp_path: Path, capsys: pytest.Ca
     assert "no column of times; give --time or --rate" in capsys.readouterr().err
 
 
-def test_a_column_that_may_hold_times_is_told_when_there_are_none(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_candidate_for_times_is_named_if_there_are_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     lines = [f"{row.partition(',')[2]},2.1.2026 10:00:00" for row in ROWS]
     (tmp_path / "log.csv").write_text("\n".join(["angle [deg],torque [Nm],Datum", *lines]) + "\n", encoding="utf-8")
     assert main(["import", str(tmp_path / "log.csv"), "--out", str(tmp_path / "bag")]) == 2

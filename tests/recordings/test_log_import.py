@@ -141,7 +141,7 @@ def test_dates_keep_the_time_of_day_and_empty_cells_are_left_out(tmp_path: Path)
         (_PLAIN, ["--pickup", "angle", "--torque", "torque"], "--pickup and --torque cannot be combined"),
     ],
 )
-def test_what_cannot_be_told_is_asked_for_in_one_line(
+def test_missing_information_is_requested_in_one_line(
     content: str, options: list[str], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     log = tmp_path / "log.csv"
@@ -166,7 +166,7 @@ def test_dates_with_the_day_first_and_a_decimal_comma(tmp_path: Path) -> None:
         np.testing.assert_allclose(since * 1e-9, 0.1 * np.arange(20), atol=1e-6)
 
 
-def test_what_is_left_out_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_skipped_parts_are_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rows = _PLAIN.splitlines()
     torn = [row.rpartition(",")[0] if k % 10 == 5 else row for k, row in enumerate(rows)]
     (tmp_path / "torn.csv").write_text("\n".join(torn) + "\n")

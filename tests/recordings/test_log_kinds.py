@@ -1,4 +1,4 @@
-"""Logs as people have them, five of each kind: clocks in several columns, joined logs, indices in names, long form."""
+"""Logs of users, five of each kind: clocks in several columns, joined logs, indices in names, long form."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def imported(tmp_path: Path, text: str, *options: str, code: int = 0, name: str 
 
 
 def check(bag: Path, torque_late_s: float = 0.0, angle_late_s: float = 0.0, rows: int = N) -> None:
-    """Angle and torque at their own times, against what was logged."""
+    """Compare angle and torque, at their own times, with the logged ones."""
     angles, torques = open_bag(bag).read_angles(), open_bag(bag).read_torques()
     assert (len(angles), len(torques)) == (rows, rows)
     turned = np.mod(angles.angles_rad - ANGLE[:rows] + math.pi, 2.0 * math.pi) - math.pi
@@ -89,7 +89,7 @@ def test_torque_in_front_of_the_angle_and_the_name_of_both_clocks_given(tmp_path
 def test_another_clock_of_the_same_rows_is_asked_about(
     later: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A second clock that begins elsewhere may be that of the torque, or another one of the row."""
+    """A second clock with another origin may be that of the torque, or another one of the row."""
     text = table(
         "time [s],angle [deg],plc clock [s],torque [Nm]",
         lambda k: f"{TIME[k]:.4f},{DEG[k]:.6f},{later + TIME[k]:.4f},{TORQUE[k]:.7f}",
@@ -356,7 +356,7 @@ def test_a_mapping_reads_the_next_log_as_the_first(k: int, tmp_path: Path) -> No
 
 
 def test_a_corrected_mapping_is_followed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A date that shows no order, a unit that is another, a torque of another column."""
+    """The corrections: an ambiguous date, another unit, the torque in another column."""
     text = table(
         "date,kanal 1 [deg],kanal 2 [Nm],kanal 3 [Nm]",
         lambda k: f"03/04/2026 10:00:0{TIME[k]:.3f},{ANGLE[k] * 1800.0 / math.pi:.6f},7,{TORQUE[k] * 10.0:.7f}",
@@ -414,7 +414,7 @@ def test_a_mapping_that_a_person_may_have_corrected_is_not_written_over(
 
 
 def test_the_mapping_of_the_page_is_one(tmp_path: Path) -> None:
-    """The example in docs/commissioning.md has no key that is not read."""
+    """The example in docs/commissioning.md has known keys only."""
     page = (Path(__file__).parents[2] / "docs/commissioning.md").read_text(encoding="utf-8")
     example = next(block for block in page.split("```yaml\n")[1:] if "names_line" in block).split("```")[0]
     (tmp_path / "mine.yaml").write_text(example, encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Logs as controllers and measuring programs write them, and columns as mills in many countries name them."""
+"""Logs of controllers and measuring programs, and names of columns in mills of many countries."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def check(bag: Path) -> None:
 
 
 def scope(times: list[np.ndarray], decimal: str = ",", separator: str = "\t", end: str = "") -> str:
-    """An export of TwinCAT Scope: the angle beside the first times, the torque beside the last."""
+    """Export of TwinCAT Scope: the angle beside the first times, the torque beside the last."""
     blocks = [("Name", "SymbolComment", "Data-Type", "SampleTime[ms]", "VariableSize", "SymbolBased", "Unit", "Offset")]
     angle = ("Winkel Hauptwelle", "", "REAL64", "2", "8", "True", "deg (Angle)", "0")
     torque = ("fMotorTorque", "", "REAL32", "2", "4", "True", "(None)", "0")
@@ -73,7 +73,7 @@ def test_twincat_scope_with_few_lines_in_its_head(
     kept: tuple[str, ...], times: int, separator: str, tmp_path: Path
 ) -> None:
     if kept == ("Name",) and times == 1:
-        return  # nothing tells it from another maker's
+        return  # it looks like the log of another maker
     head, _, body = scope([TIME * 1e3] * times, ".", separator).partition("\r\n\r\n")
     channels, _, body = body.partition("\r\n\r\n")
     lines = [line for line in (*head.splitlines()[2:], *channels.splitlines()) if line.startswith(kept)]
@@ -147,7 +147,7 @@ def test_short_segments_of_labview_are_all_read(tmp_path: Path) -> None:
     check(imported(tmp_path, head + names + again.join(parts)))
 
 
-def test_labview_without_an_interval_is_told_in_words(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_labview_without_an_interval_is_reported_in_words(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     head = LVM.format(point=".", columns="No").replace("Delta_X", "Other") + "X_Value\tAngle (rad)\tTorque\r\n"
     text = head + "".join(f"\t{line}\r\n" for line in rows(ANGLE, TORQUE).splitlines())
     (tmp_path / "log.lvm").write_text(text, newline="")
@@ -229,9 +229,7 @@ def test_a_name_is_not_taken_for_what_it_is_not() -> None:
 
 
 @pytest.mark.parametrize("ends", [("m", "m"), ("in", "in"), ("s", "m")])
-def test_the_end_of_a_name_that_looks_like_a_unit_gives_way_to_the_unit_told(
-    ends: tuple[str, str], tmp_path: Path
-) -> None:
+def test_a_given_unit_precedes_the_end_of_a_name_that_looks_like_one(ends: tuple[str, str], tmp_path: Path) -> None:
     head = f"time_s,theta_{ends[0]},torque_{ends[1]}\r\n"
     text = head + rows(TIME, ANGLE, TORQUE, separator=",")
     check(imported(tmp_path, text, "--angle-unit", "rad", "--torque-unit", "N m"))
@@ -248,9 +246,7 @@ def test_a_torque_in_a_unit_of_something_else_is_refused_not_left_out(
     check(imported(tmp_path, text, "--torque-scale", "1"))
 
 
-def test_what_cannot_be_told_lists_the_columns_and_the_option(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_ambiguity_lists_the_columns_and_the_option(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log = tmp_path / "log.csv"
     log.write_text("t;kanal 1;kanal 2\r\n" + rows(TIME, np.degrees(ANGLE), TORQUE, separator=";"), newline="")
     assert main(["import", str(log), "--out", str(tmp_path / "bag")]) == 2

@@ -1,4 +1,4 @@
-"""MATLAB files whose log is in structures, as Simulink and measuring programs save it."""
+"""MATLAB files with the log in structures, as Simulink and measuring programs save it."""
 
 from __future__ import annotations
 
@@ -62,7 +62,9 @@ def test_values_at_other_times_keep_them(every: int, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("short", "code"), [("torque_Nm", 0), ("angle_deg", 2)])
-def test_a_shorter_vector_is_told(short: str, code: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_shorter_vector_is_reported(
+    short: str, code: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert imported(tmp_path, {"log": {**PLAIN, short: PLAIN[short][::2]}}) == code
     said = capsys.readouterr()
     assert f"column '{short}' holds 1000 values, where others have 2000" in said.out + said.err
@@ -80,7 +82,7 @@ def test_a_damaged_file_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixtur
 
 @pytest.mark.parametrize("kind", [67, 137])
 def test_a_damaged_file_is_one_line_even_where_its_reader_crashes(kind: int, tmp_path: Path) -> None:
-    """Byte 176 tells the kind of numbers of the first variable: of one that there is not scipy crashes."""
+    """Byte 176 is the kind of numbers of the first variable: with an unknown kind scipy crashes."""
     savemat(tmp_path / "log.mat", {"t": TIME, "angle_rad": ANGLE})
     damaged = bytearray((tmp_path / "log.mat").read_bytes())
     damaged[176] = kind

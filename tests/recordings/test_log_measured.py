@@ -150,7 +150,7 @@ def test_a_damaged_one_is_one_line(kind: str, tmp_path: Path, capsys: pytest.Cap
 
 
 @pytest.mark.parametrize("kind", ["tdms, waveforms", "mdf", "hdf5, groups", "matlab 7.3"])
-def test_without_its_library_the_way_to_it_is_one_line(
+def test_a_missing_library_is_named_in_one_line(
     kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: Any
 ) -> None:
     name, make = KINDS[kind]

@@ -73,7 +73,7 @@ def _recording(path: Path) -> None:
         ("logs", lambda path: path.mkdir(), "is a folder; give the file"),
     ],
 )
-def test_what_is_no_text_is_told_in_a_line(
+def test_a_file_that_is_no_text_is_named_in_a_line(
     name: str, make: Callable[[Path], object], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     make(tmp_path / name)

@@ -1,4 +1,4 @@
-"""What a log does not tell, and cells that are no numbers: found from the values and told, or refused in one line."""
+"""Missing units, and cells that are no numbers: resolved from the values and reported, or refused in one line."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def test_times_that_may_be_several_units_are_asked_about(
     assert not (tmp_path / "bag").exists()
 
 
-def test_a_unit_that_is_told_is_taken(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_given_unit_is_used(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write(tmp_path / "log.csv", [f"{k}" for k in range(N)])
     told = ["--time", "time", "--time-unit", "ms"]
     assert main(["import", str(tmp_path / "log.csv"), "--out", str(tmp_path / "bag"), *told]) == 0
@@ -125,7 +125,7 @@ def test_date_and_time_in_two_columns_are_one_time(tmp_path: Path) -> None:
     ("unit", "factor"),
     [("MNm", 1e6), ("MN m", 1e6), ("MN·m", 1e6), ("mNm", 1e-3), ("mN.m", 1e-3), ("NM", 1.0), ("KNM", 1e3)],
 )
-def test_milli_and_mega_are_told_apart(unit: str, factor: float, tmp_path: Path) -> None:
+def test_milli_and_mega_are_distinguished(unit: str, factor: float, tmp_path: Path) -> None:
     write(tmp_path / "log.csv", [f"{t:.3f}" for t in TIME], f"time_s,angle_rad,torque [{unit}]")
     assert main(["import", str(tmp_path / "log.csv"), "--out", str(tmp_path / "bag")]) == 0
     np.testing.assert_allclose(open_bag(tmp_path / "bag").read_torques().torque_Nm / factor, TORQUE, atol=1e-8)
@@ -171,7 +171,9 @@ def test_a_byte_order_mark_tells_the_encoding(encoding: str, tmp_path: Path) -> 
     np.testing.assert_allclose(open_bag(tmp_path / "bag").read_angles().angles_rad, ANGLE, atol=1e-8)
 
 
-def test_cells_without_a_number_are_told_with_their_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_cells_without_a_number_are_reported_with_their_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     rows = write(tmp_path / "log.csv", [f"{t:.3f}" for t in TIME], "time_s,angle_rad,torque_Nm")
     rows[2500] = rows[2500].replace(rows[2500].split(",")[1], "#ERR")
     rows.insert(3001, rows[0])  # the header once more
@@ -189,7 +191,7 @@ def test_cells_without_a_number_are_told_with_their_line(tmp_path: Path, capsys:
 
 
 def with_thousands(value: float, decimals: int, sign: str, decimal_sign: str) -> str:
-    """A number as people group its digits."""
+    """Write a number with grouped digits."""
     return f"{value:,.{decimals}f}".replace(",", "x").replace(".", decimal_sign).replace("x", sign)
 
 
@@ -214,7 +216,7 @@ def test_thousands_separators_are_read(separator: str, sign: str, decimal_sign: 
 def test_signs_that_may_be_decimal_ones_are_not_read(
     few: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """'1,234' may be 1234 or 1.234, beside whole numbers as where all cells have such a sign."""
+    """'1,234' may be 1234 or 1.234, beside whole numbers or in a column of such cells."""
     torque = np.where(np.arange(N) % 3, 1000.0, 100.0) * TORQUE
     cells = [f"{m:,.0f}" if few else f"{1.0 + abs(m):.3f}".replace(".", ",") for m in torque]
     rows = [f"{t:.3f};{a:.9f};{cell}" for t, a, cell in zip(TIME, ANGLE, cells, strict=True)]
@@ -226,7 +228,7 @@ def test_signs_that_may_be_decimal_ones_are_not_read(
     assert (tmp_path / "bag").exists() == few
 
 
-def test_a_separator_within_quotation_marks_is_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_quoted_separator_does_not_split(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write(tmp_path / "log.csv", [f"{t:.3f}" for t in TIME], '"time, s","angle, shaft [rad]","torque, measured [Nm]"')
     assert main(["import", str(tmp_path / "log.csv"), "--out", str(tmp_path / "bag")]) == 0
     assert "column 'angle, shaft [rad]', rad" in capsys.readouterr().out

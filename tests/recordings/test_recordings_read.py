@@ -348,7 +348,7 @@ def _bag_of_rosbags(
 
 
 @pytest.mark.parametrize(
-    ("recorded", "settled", "told"),
+    ("recorded", "settled", "warned"),
     [
         ([1.0, 2.0, 3.0], [True] * 3, False),
         ([1.0, 2.0, 9.0], [True] * 3, False),  # a step of the load
@@ -358,6 +358,6 @@ def _bag_of_rosbags(
     ],
 )
 def test_predictions_of_another_machine_differ_in_most_samples(
-    recorded: list[float], settled: list[bool], told: bool
+    recorded: list[float], settled: list[bool], warned: bool
 ) -> None:
-    assert bool(far_apart(np.array(recorded), np.array([1.0, 2.0, 3.0]), np.array(settled))) == told
+    assert bool(far_apart(np.array(recorded), np.array([1.0, 2.0, 3.0]), np.array(settled))) == warned
