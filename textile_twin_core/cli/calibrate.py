@@ -1,4 +1,4 @@
-"""textile-twin calibrate: encoder and torque sensor of a machine settled from a recording."""
+"""textile-twin calibrate: encoder and torque sensor of a machine, estimated from a recording."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from textile_twin_core.files import save_machine_file
 from textile_twin_core.machine import Machine
 
 _MUCH_LESS = 0.9
-"""Share of the RMS error below which what is left beside friction and loads is worth a line."""
+"""Share of the RMS error below which the residual without friction and loads is printed."""
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """Build the argument parser."""
     parser = Parser(
         "calibrate",
         "Settles direction, ratio and zero of the encoder, and sign, unit, gain, offset and delay of the torque\n"
@@ -44,7 +44,7 @@ def parser() -> Parser:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Calibrate, write, tell."""
+    """Calibrate, write the outputs and print the estimates."""
     machine = with_sensors(load_linkage(arguments.machine, arguments.set), arguments)
 
     check_out(arguments)
@@ -67,7 +67,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _settle_wheel(arguments: argparse.Namespace, machine: Machine, readings: Readings) -> None:
-    """Pitch errors and inertia from the speed under the measured torque."""
+    """Estimate pitch errors and inertia from the speed under the measured torque."""
     if not machine.sensors.encoder.teeth:
         raise UsageError("--wheel: this machine's encoder has no teeth")
     with stages(readings.angle.size) as stage:

@@ -35,7 +35,7 @@ _LIMITS = {
     "max-error": ("max_error_Nm", "largest error [N m]"),
     "min-correlation": ("correlation", "correlation"),
 }
-"""Limits for scripts: the error they speak of, and its name."""
+"""Limits for scripts: the error that each limits, and its name."""
 
 _PREDICTED, _JUDGED = 0.4, 0.7
 """Shares of all work, of an hour's recording, at which prediction and verdict end."""
@@ -48,7 +48,7 @@ _FORMS = {
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """Build the argument parser."""
     parser = Parser(
         "compare",
         "Holds the measured torque of a recording against the predicted one: errors, delay, errors by shaft angle.",
@@ -82,7 +82,7 @@ def parser() -> Parser:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Compare, print the table, write what was asked for."""
+    """Compare, print the table and write the outputs."""
     machine = with_sensors(load_linkage(arguments.machine, arguments.set), arguments)
 
     if not one_recording(arguments):
@@ -98,7 +98,7 @@ def run(arguments: argparse.Namespace) -> None:
         return
 
     with ExitStack() as outputs:
-        # All places are tried before the work, and take their files only when every one is written.
+        # All outputs are opened before the work, and replace existing files only when all are written.
         partial: dict[str, Path] = {}
         for form in _FORMS:
             path = getattr(arguments, form)
@@ -111,11 +111,11 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def comparing(job: BatchJob) -> dict[str, Any]:
-    """Compare one recording of several; the numbers as --json writes them."""
+    """Compare one recording of several; return the numbers of --json."""
 
     def work(arguments: argparse.Namespace, machine: Machine) -> dict[str, Any]:
         numbers = compare_recording(arguments, machine, arguments.predicted == "recorded").to_json()
-        # A column has one type: what is no number stands in the text of the verdict.
+        # A column has one type; text values are in the text of the verdict.
         for cause in numbers["verdict"]:
             cause["value"] = cause["value"] if isinstance(cause["value"], int | float) else None
         return numbers
@@ -124,11 +124,11 @@ def comparing(job: BatchJob) -> dict[str, Any]:
 
 
 def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded: bool = False) -> Comparison:
-    """The comparison that the arguments of add_recording ask for; recorded: with the predictions in the recording."""
+    """Compare the recording of the arguments of add_recording; `recorded`: with the predictions in the recording."""
     bag, angles, measured = read_samples(arguments, machine)
     second = read_second(arguments, machine, bag)
     with stages(len(angles)) as stage:
-        # Smoothing the whole recording takes as long again, when its last sample is there.
+        # Smoothing the whole recording takes the same time again, after its last sample.
         done = stage("predicting", _PREDICTED, 2 * len(angles))
         predicted = recompute(angles, machine, arguments.shaft, done, second, **shaft_settings(arguments))
         stage("judging", _JUDGED, 1)
@@ -138,7 +138,7 @@ def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded:
         notes, verdict, explained, seen = judged.notes, judged.verdict, judged.explained, judged.quantities
         times = None if angles.recorded_ns is None else (angles.recorded_ns, angles.stamps)
         angle_topic, stamped = angles.topic, tuple(t for t in (angles.timing, measured.timing) if t is not None)
-        del judged, readings, angles  # these and the track hold the whole recording once more
+        del judged, readings, angles  # these and the track are another copy of the whole recording
         predicted = dataclasses.replace(predicted, track=None)
         if recorded:
             predicted = recorded_torque(bag, predicted, angle_topic, times)
@@ -220,7 +220,7 @@ def _check_limits(comparison: Comparison, arguments: argparse.Namespace) -> None
 
 
 def _beyond(errors: Mapping[str, Any], arguments: argparse.Namespace) -> str:
-    """The limits that the errors are beyond; empty where there is none."""
+    """Describe the exceeded limits; empty without any."""
     beyond = []
     for option, (field, what) in _LIMITS.items():
         limit = getattr(arguments, option.replace("-", "_"))
@@ -231,7 +231,7 @@ def _beyond(errors: Mapping[str, Any], arguments: argparse.Namespace) -> str:
 
 
 def _line(numbers: Mapping[str, Any]) -> str:
-    """The numbers of one recording of several in a line."""
+    """Format the numbers of one recording of several in a line."""
     torque, verdict = numbers["torque"], numbers["verdict"]
     causes = ", ".join(cause["cause"] for cause in verdict) or "nothing found"
     share = math.nan if torque["rms_over_peak"] is None else torque["rms_over_peak"] * 100.0

@@ -1,4 +1,4 @@
-"""textile-twin compare --quantity: a measured displacement, angle or speed against the machine's."""
+"""textile-twin compare --quantity: comparison of a measured displacement, angle or speed with the machine's."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ _ALL = "all"
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """Build the argument parser."""
     parser = Parser(
         "faults",
         "The fault book that monitor_node and fault_node keep in the folder BOOK:\n"
@@ -42,7 +42,7 @@ def parser() -> Parser:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """List, show, acknowledge or open."""
+    """List, show or acknowledge faults, or open a recording."""
     check_output("--json", arguments.json, ".json")
     check_output("--png", arguments.png, ".png")
     book = FaultBook(arguments.book)
@@ -62,10 +62,10 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _chosen(faults: list[Fault], arguments: argparse.Namespace) -> list[Fault]:
-    """The faults that the command line names.
+    """Return the faults that the command line names.
 
     Raises:
-        UsageError: it names none, or one that is not there.
+        UsageError: it names no fault, or an unknown one.
     """
     if arguments.what == "ack" and arguments.numbers == [_ALL]:
         return faults

@@ -36,11 +36,11 @@ _SHOWN = {
 _PREDICTED = 0.3
 """Share of a pass at which the torque of an elastic shaft is predicted."""
 _PASSES = 3
-"""Passes on an elastic shaft: what the twist adds to the torque is predicted with the numbers of the pass before."""
+"""Passes on an elastic shaft: each predicts the effect of the twist with the estimates of the pass before."""
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """Build the argument parser."""
     parser = Parser(
         "identify",
         "Fits what the recording can tell of a machine: force in the backing and above it, friction of the shaft,\n"
@@ -68,7 +68,7 @@ def parser() -> Parser:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Identify, write, tell."""
+    """Identify, write the outputs and print the estimates."""
     machine = with_sensors(load_linkage(arguments.machine, arguments.set), arguments)
 
     if not one_recording(arguments):
@@ -105,7 +105,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def identify_recording(arguments: argparse.Namespace, machine: Machine) -> Identification | ShaftIdentification:
-    """Identify what the recording `bag` of the arguments can tell of the machine, or of its elastic shaft."""
+    """Identify parameters of the machine, or of its elastic shaft, from the recording `bag` of the arguments."""
     bag, angles, measured = read_samples(arguments, machine)
     fit = identify if machine.shaft is None else identify_shaft
     readings = readings_of(angles, measured, read_second(arguments, machine, bag))
@@ -114,12 +114,12 @@ def identify_recording(arguments: argparse.Namespace, machine: Machine) -> Ident
 
 
 def identifying(job: BatchJob) -> dict[str, Any]:
-    """Identify from one recording of several; the numbers as --json writes them."""
+    """Identify from one recording of several; return the numbers of --json."""
     return quietly(job, lambda arguments, machine: identify_recording(arguments, machine).to_json())
 
 
 def _line(numbers: Mapping[str, Any]) -> str:
-    """The numbers of one recording of several in a line."""
+    """Format the numbers of one recording of several in a line."""
     before, after = (
         "unknown" if numbers[name] is None else f"{numbers[name]:.4g}" for name in ("rms_before_Nm", "rms_after_Nm")
     )
@@ -131,7 +131,7 @@ def _line(numbers: Mapping[str, Any]) -> str:
 
 
 def _rows(found: Identification | ShaftIdentification) -> list[tuple[str, str]]:
-    """Parameters and residuals in words."""
+    """Rows of parameters and residuals for display."""
     rows = []
     for name, each in found.parameters.items():
         unit, factor = next((shown for end, shown in _SHOWN.items() if name.endswith(end)), ("", 1.0))
@@ -149,7 +149,7 @@ def _rows(found: Identification | ShaftIdentification) -> list[tuple[str, str]]:
 
 
 def _numbers_of(arguments: argparse.Namespace, machine: Machine) -> FileNumbers:
-    """The numbers of the machine file that --free names."""
+    """Estimate the numbers of the machine file that --free names."""
     paths = [path.strip() for path in arguments.free.split(",") if path.strip()]
     bag, angles, measured = read_samples(arguments, machine)
     read, estimate = readings_of(angles, measured), machine
@@ -173,7 +173,7 @@ def _begin(stage: Stage, k: int, passes: int, what: str, until: float) -> None:
 
 
 def _number_rows(found: FileNumbers) -> list[tuple[str, str]]:
-    """Numbers of the file in words, given its tolerances and given it exactly."""
+    """Rows of the file's numbers for display, given its tolerances and given it exactly."""
     rows = []
     for path, each in found.parameters.items():
         exact = found.given_file[path]

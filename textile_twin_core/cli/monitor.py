@@ -1,4 +1,4 @@
-"""textile-twin monitor: recordings watched for faults, turn by turn."""
+"""textile-twin monitor: watch over the turns of recordings for faults."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from textile_twin_core.recordings.recording_folder import recordings_in
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """Build the argument parser."""
     parser = Parser(
         "monitor",
         "Learns the torque of a machine over its first turns, and watches the rest: needle side, drive side and\n"
@@ -46,7 +46,7 @@ def parser() -> Parser:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Watch, tell, write."""
+    """Watch the recordings, print the alarms and write the outputs."""
     machine = with_sensors(load_linkage(arguments.machine, arguments.set), arguments)
 
     check_output("--parquet", arguments.parquet, ".parquet")
@@ -67,7 +67,7 @@ def run(arguments: argparse.Namespace) -> None:
     unread = [each for each in watched if each.error]
     if unread and len(watched) == 1:
         raise UsageError(unread[0].error)
-    # Who reads the exit code alone must not take what was not watched for healthy.
+    # The exit code alone must show that a recording was not watched, which may not be healthy.
     missing = failed_line([each.bag.name for each in unread], len(watched), "watched")
     alarms = sum(len(each.alarms) for each in watched)
     if alarms:
@@ -79,10 +79,10 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _watch(jobs: list[Job], arguments: argparse.Namespace) -> list[Outcome[Watched]]:
-    """All recordings watched, in the order in which they were ready."""
+    """Watch all recordings; return them in the order of completion."""
     samples = {job.bag: samples_of(job) for job in jobs} if on_terminal() else {}
     watched: list[Outcome[Watched]] = []
-    total = 2 * sum(samples.values())  # each is taken, and watched when all are there
+    total = 2 * sum(samples.values())  # each sample counts twice: when it is taken, and when it is watched
     with stages(total) as stage:
         done = stage("watching", 1.0, total)
         counted = over = 0
@@ -96,7 +96,7 @@ def _watch(jobs: list[Job], arguments: argparse.Namespace) -> list[Outcome[Watch
         for each in watch_bags(jobs, arguments.workers, arguments.dask, count):
             watched.append(each)
             over += 2 * samples.get(jobs[each.index].bag, 0)
-            count(over - counted)  # other processes count nothing, nor does what could not be watched to its end
+            count(over - counted)  # other processes and unfinished recordings do not count themselves
     return watched
 
 

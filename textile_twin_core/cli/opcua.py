@@ -1,4 +1,4 @@
-"""textile-twin opcua: what OPC UA connections are secured with, certificates and users."""
+"""textile-twin opcua: certificates and users of OPC UA connections."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from textile_twin_core.files.user_file import add_user
 
 
 def parser() -> Parser:
-    """The command's arguments."""
+    """Build the argument parser."""
     parser = Parser(
         "opcua",
         "certificate NAME: makes NAME.der, which the other side has to trust, and NAME.key.pem, which stays here.\n"

@@ -54,7 +54,7 @@ def read_samples(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Ba
 
 
 def read_second(arguments: argparse.Namespace, machine: AnyMachine, bag: Bag) -> SecondAngle | None:
-    """The second encoder's angles where machine and recording have one."""
+    """Read the second encoder's angles if machine and recording have one."""
     if not has_second_encoder(machine):
         return None
     seen = topics_of(arguments).read_second_angles(bag)

@@ -21,19 +21,19 @@ from textile_twin_core.recordings.job_pool import Outcome, run_jobs
 from textile_twin_core.recordings.recording_folder import recording_names, recordings_in
 
 _MOST_NAMED = 5
-"""Failed recordings that the error names."""
+"""Most failed recordings named in the error."""
 
 
 @dataclass(frozen=True)
 class BatchJob:
-    """One recording of a batch: the command's arguments with it as their `bag`, and the machine."""
+    """One recording of a batch: the command's arguments with this recording as `bag`, and the machine."""
 
     arguments: argparse.Namespace
     machine: Machine
 
 
 def add_workers(parser: argparse.ArgumentParser) -> None:
-    """--workers and --dask."""
+    """Add --workers and --dask."""
     parser.add_argument(
         "--workers", type=count, default=os.cpu_count() or 1, metavar="N", help="processes (default: one per core)"
     )
@@ -43,7 +43,7 @@ def add_workers(parser: argparse.ArgumentParser) -> None:
 
 
 def add_batch(parser: argparse.ArgumentParser) -> None:
-    """--parquet, --workers and --dask, for several recordings."""
+    """Add --parquet, --workers and --dask, for several recordings."""
     group = parser.add_argument_group("several recordings, or folders of them")
     group.add_argument(
         "--parquet", type=Path, metavar="FILE", help="write a table, one row each; is replaced when it is there"
@@ -52,7 +52,7 @@ def add_batch(parser: argparse.ArgumentParser) -> None:
 
 
 def one_recording(arguments: argparse.Namespace) -> bool:
-    """Find the recordings of a command; whether there is one alone, then named `bag` in the arguments.
+    """Find the recordings of a command; return true for a single one, which becomes `bag` of the arguments.
 
     Raises UsageError or RecordingError.
     """
@@ -79,11 +79,11 @@ def run_batch(
     """Run a command's function on each recording, report each in a line, write --json and --parquet.
 
     Args:
-        arguments: the command's arguments, those of `add_batch` among them.
+        arguments: the command's arguments, including those of `add_batch`.
         machine: the machine of all recordings.
-        function: the work on one recording; returns what --json writes of it.
-        line: the line that reports the numbers of a recording.
-        beyond: which limit the numbers are beyond; empty where none is.
+        function: the work on one recording; returns its numbers for --json.
+        line: formats the numbers of a recording in a line.
+        beyond: describes the exceeded limits; empty without any.
 
     Raises:
         UsageError: a recording failed; raised after all others are written.
@@ -120,7 +120,7 @@ def run_batch(
 
 
 def quietly(job: BatchJob, work: Callable[[argparse.Namespace, Machine], dict[str, Any]]) -> dict[str, Any]:
-    """Do the work on one recording without words and bars; its notices stand before its notes."""
+    """Do the work on one recording without output; its notices precede its notes."""
     with collected() as notices:
         numbers = work(job.arguments, job.machine)
     return {**numbers, "notes": [*notices, *numbers["notes"]]}
@@ -138,7 +138,7 @@ def memory_line(outcomes: Iterable[Outcome[Any]]) -> str:
 
 
 def failed_line(failed: Sequence[str], total: int, what: str = "read") -> str:
-    """Name the recordings that failed; empty where none did."""
+    """Name the recordings that failed; empty without failures."""
     if not failed:
         return ""
     named = ", ".join(failed[:_MOST_NAMED]) + " ..." * (len(failed) > _MOST_NAMED)
@@ -148,7 +148,7 @@ def failed_line(failed: Sequence[str], total: int, what: str = "read") -> str:
 def write_table(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     """Write one row per recording as Parquet; the columns are the keys of --json, joined by dots.
 
-    Raises OutputError where the file cannot be written.
+    Raises OutputError if the file cannot be written.
     """
     import pyarrow
     from pyarrow import parquet
@@ -160,7 +160,7 @@ def write_table(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def _columns(value: Mapping[str, Any], before: str = "") -> Iterable[tuple[str, Any]]:
-    """Names and values of the columns of nested objects; a list of objects becomes a list for each of their keys."""
+    """Yield names and values of the columns of nested objects; a list of objects gives a list for each key."""
     for name, each in value.items():
         if isinstance(each, list) and each and isinstance(each[0], dict):
             keys = dict.fromkeys(key for one in each for key in one)
@@ -172,7 +172,7 @@ def _columns(value: Mapping[str, Any], before: str = "") -> Iterable[tuple[str, 
 
 
 def _single(arguments: argparse.Namespace, bag: Path) -> argparse.Namespace:
-    """The arguments of a batch for one of its recordings."""
+    """Return the arguments of a batch for one of its recordings."""
     single = copy.copy(arguments)
     single.bag = bag
     single.bags = [bag]
