@@ -186,14 +186,14 @@ def _number_rows(found: FileNumbers) -> list[tuple[str, str]]:
 
 def _print(found: Identification) -> None:
     rows = _rows(found)
-    left = found.unmodelled
-    over = f" over {left.cycle_turns} turns" if left.cycle_turns > 1 else ""
-    if left.significant:
+    unmodelled = found.unmodelled
+    over = f" over {unmodelled.cycle_turns} turns" if unmodelled.cycle_turns > 1 else ""
+    if unmodelled.significant:
         rows.append(
             (
                 "not modelled",
-                f"a torque by shaft angle{over} of up to {float(abs(left.torque_Nm).max()):.3g} N m,"
-                f" {left.share * 100.0:.0f} % of what is left",
+                f"a torque by shaft angle{over} of up to {float(abs(unmodelled.torque_Nm).max()):.3g} N m,"
+                f" {unmodelled.share * 100.0:.0f} % of what is left",
             )
         )
     lost = [each.text for each in found.not_identifiable]

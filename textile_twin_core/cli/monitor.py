@@ -72,8 +72,8 @@ def run(arguments: argparse.Namespace) -> None:
     alarms = sum(len(each.alarms) for each in watched)
     if alarms:
         where = sum(bool(each.alarms) for each in watched)
-        told = f"{_counted(alarms, 'alarm')} in {_counted(where, 'recording')}"
-        raise BeyondLimitError("; ".join(filter(None, (told, missing))))
+        summary = f"{_counted(alarms, 'alarm')} in {_counted(where, 'recording')}"
+        raise BeyondLimitError("; ".join(filter(None, (summary, missing))))
     if missing:
         raise UsageError(missing)
 
@@ -129,7 +129,7 @@ def _write(arguments: argparse.Namespace, watched: list[Watched]) -> None:
     elif arguments.parquet is not None:
         tell(f"--parquet {arguments.parquet}: not written, as no turn was watched")
     if arguments.json is not None:
-        told = [
+        recordings = [
             {
                 "bag": name,
                 "turns": len(each.columns.get("turn", ())),
@@ -141,4 +141,4 @@ def _write(arguments: argparse.Namespace, watched: list[Watched]) -> None:
             for name, each in zip(names_of(watched), watched, strict=True)
         ]
         with staged(arguments.json) as partial:
-            partial.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+            partial.write_text(json.dumps(recordings, indent=1) + "\n", encoding="utf-8")

@@ -433,10 +433,10 @@ def _notes(evidence: Evidence) -> tuple[str, ...]:
         )
     if evidence.slips:
         first, last = evidence.track.time_s[[0, -1]].tolist()
-        told = ", ".join(f"{np.degrees(by):+.1f} deg at {at:.3f} s" for at, by in evidence.slips[:_MOST_TOLD])
+        listed = ", ".join(f"{np.degrees(by):+.1f} deg at {at:.3f} s" for at, by in evidence.slips[:_MOST_TOLD])
         more = f" and {len(evidence.slips) - _MOST_TOLD} times more" if len(evidence.slips) > _MOST_TOLD else ""
         notes.append(
-            f"the shaft angle leaps as no shaft does, an encoder that slips or was set anew: {told}{more}, from the"
+            f"the shaft angle leaps as no shaft does, an encoder that slips or was set anew: {listed}{more}, from the"
             f" first angle on; the verdict is of the part from {first:.2f} to {last:.2f} s alone"
         )
     elif evidence.track.slips >= SOME_SLIPS:

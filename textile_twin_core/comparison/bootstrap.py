@@ -25,11 +25,11 @@ def bootstrap_moves(slopes: FloatArray, residual: FloatArray, turn: IntArray) ->
         slopes: (n, k) of the expected torque. residual: (n,) measured less expected.
         turn: (n,) the turn to which each sample belongs.
     """
-    left = pseudo_residuals(residual)
+    pseudo = pseudo_residuals(residual)
     sizes = np.sqrt(np.mean(slopes**2, axis=0)) + 1e-300
     scaled = slopes / sizes
     turns, place = np.unique(turn, return_inverse=True)
-    normals, scores = turn_normals(scaled, place), turn_scores(scaled, left, place)
+    normals, scores = turn_normals(scaled, place), turn_scores(scaled, pseudo, place)
     rng = np.random.default_rng(_SEED)
     drawn = rng.multinomial(turns.size, np.full(turns.size, 1.0 / turns.size), size=_DRAWS).astype(np.float64)
     total = np.einsum("dt,tij->dij", drawn, normals)

@@ -114,11 +114,11 @@ def compare_torque(
     configured_Nm, _ = _expected(track, time - configured, gain, offset)
     errors_configured = error_statistics(measured[used_configured], configured_Nm[used_configured])
     del used_configured, configured_Nm
-    seen, told = measured[used], expected[used]
-    errors = error_statistics(seen, told)
-    fitted = fit.gain * (told - offset) / gain + fit.offset_Nm if np.isfinite(fit.gain) else told
+    seen, wanted = measured[used], expected[used]
+    errors = error_statistics(seen, wanted)
+    fitted = fit.gain * (wanted - offset) / gain + fit.offset_Nm if np.isfinite(fit.gain) else wanted
     errors_fitted = error_statistics(seen, fitted)
-    del seen, told, fitted
+    del seen, wanted, fitted
     turned, turning = angle[used], _turning(track, time - fit.delay_s)
 
     causes["prediction_not_usable"] = predictions.dropped
@@ -164,7 +164,7 @@ def compare_torque(
 def _select(track: Track, time_s: FloatArray, ready: BoolArray) -> tuple[BoolArray, dict[str, int]]:
     """Select the times that enter; count the others, each under the first cause that applies."""
     piece, inside = track.piece(time_s)
-    left = np.ones(time_s.size, dtype=np.bool_)
+    remaining = np.ones(time_s.size, dtype=np.bool_)
     causes: dict[str, int] = {}
     for cause, holds in (
         ("no_prediction", ~inside),
@@ -172,9 +172,9 @@ def _select(track: Track, time_s: FloatArray, ready: BoolArray) -> tuple[BoolArr
         ("not_settled", ~ready[piece]),
         ("load_jump", track.near_step(time_s, GUARD_S)),
     ):
-        causes[cause] = int(np.count_nonzero(left & holds))
-        left &= ~holds
-    return left, causes
+        causes[cause] = int(np.count_nonzero(remaining & holds))
+        remaining &= ~holds
+    return remaining, causes
 
 
 def _expected(track: Track, time_s: FloatArray, gain: float, offset_Nm: float) -> tuple[FloatArray, FloatArray]:

@@ -214,15 +214,15 @@ def _rigid_unexplained(windows: list[_Window]) -> float:
 def _unexplained(response: HarmonicResponse, windows: list[_Window]) -> FloatArray:
     """Residual sum of squared amplitudes (frequencies,) of the response, each at its best delay."""
     factors = (_FREQUENCIES_HZ / response.first_Hz) ** 2
-    left = np.zeros((factors.size, _DELAYS_S.size))
+    squares_left = np.zeros((factors.size, _DELAYS_S.size))
     for window in windows:
         orders = window.amplitudes.size
         expected = response.elastic(window.omega_rad_s, orders, factors)
         delayed = np.exp(-1j * np.outer(np.arange(1, orders + 1) * window.omega_rad_s, _DELAYS_S))
         common = ((expected * np.conj(window.amplitudes)) @ delayed).real
         squares = np.sum(np.abs(expected) ** 2, axis=1) + float(np.sum(np.abs(window.amplitudes) ** 2))
-        left += squares[:, None] - 2.0 * common
-    return np.asarray(left.min(axis=1))
+        squares_left += squares[:, None] - 2.0 * common
+    return np.asarray(squares_left.min(axis=1))
 
 
 def _width(curve: FloatArray, count: int) -> float:

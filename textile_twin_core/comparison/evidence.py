@@ -129,20 +129,15 @@ class Evidence:
         """Scale of Huber's loss for a residual (m,) from `weighed`."""
         return blocks.scale(residual) if self.block_s else robust_scale(residual)
 
-    def left(self, settings: Settings, states: States) -> tuple[FloatArray, BoolArray]:
-        """Residual torque as fitted [N m] (see `weighed`), and a mask of its usable values."""
-        residual, good = self.weighed((self.torque_Nm - self.expected(settings, states))[:, None], states.good)
-        return residual[:, 0], good
-
     def states(self, settings: Settings) -> States:
         """Evaluate the shaft and the parts of its torque at the instants of the samples less the delay."""
         theta, omega, alpha, good = self._at(settings.delay_s, settings.drift)
         turn = settings.direction * settings.ratio
         theta, omega, alpha = turn * theta - settings.zero_rad, turn * omega, turn * alpha
         # Friction sets in well below the speed from which samples count, so a small shift cannot switch all of it.
-        rest = 0.5 * settings.ratio * self.slow_rad_s
-        terms = self.terms.at(theta, omega, alpha, rest)
-        usable = good & (np.abs(omega) > 1.2 * rest) & np.isfinite(terms.total)
+        slow = 0.5 * settings.ratio * self.slow_rad_s
+        terms = self.terms.at(theta, omega, alpha, slow)
+        usable = good & (np.abs(omega) > 1.2 * slow) & np.isfinite(terms.total)
         if self.speed_controlled:
             terms = self._with_mean_load(terms, theta, omega, alpha)
             return States(theta, omega, alpha, terms, usable, np.zeros_like(usable))

@@ -82,14 +82,14 @@ def turn_features(
         ends: finds the torques at an end of their sensor's range.
     """
     theta, omega, alpha = states
-    rest = 0.05 * fast_speed(omega)
-    parts = terms.at(theta, omega, alpha, rest)
+    slow = 0.05 * fast_speed(omega)
+    parts = terms.at(theta, omega, alpha, slow)
     torque = parts.total
-    shifted = terms.at(theta + _PHASE_STEP, omega, alpha, rest).total
+    shifted = terms.at(theta + _PHASE_STEP, omega, alpha, slow).total
     slope = (shifted - torque) / _PHASE_STEP
     # At a discontinuity of the load the side is uncertain and a slope is meaningless.
     good = np.isfinite(torque) & np.isfinite(torque_Nm) & ~terms.near_step(theta, omega, 0.002, _JUMP_GUARD_RAD)
-    good &= np.abs(omega) > rest
+    good &= np.abs(omega) > slow
     whole = np.floor(theta / TURN).astype(np.int64)
     cut = np.zeros(good.size, np.bool_)
     cut[good] = ends.find(torque_Nm[good])
@@ -102,16 +102,16 @@ def turn_features(
     in_time = np.argsort(first)  # a shaft that turns backwards counts its turns down
     turns, first, place = turns[in_time], first[in_time], np.argsort(in_time)[place]
     cut_off = cut_off[in_time].astype(np.int64)
-    columns, left = columns[good], residual[good]
+    columns, used = columns[good], residual[good]
     count = np.bincount(place)
     normal = turn_normals(columns, place) / count[:, None, None]
-    right = turn_scores(columns, left, place) / count[:, None]
+    right = turn_scores(columns, used, place) / count[:, None]
     sizes = _solved(normal, right)
-    rest_of = left - np.einsum("nk,nk->n", columns, sizes[place])
+    unexplained = used - np.einsum("nk,nk->n", columns, sizes[place])
     bins = np.minimum((np.mod(theta[good], TURN) * (BINS / TURN)).astype(np.int64), BINS - 1)
     cell = place * BINS + bins
     filled = np.bincount(cell, minlength=turns.size * BINS)
-    profile = np.bincount(cell, weights=rest_of, minlength=turns.size * BINS) / np.where(filled > 0, filled, np.nan)
+    profile = np.bincount(cell, weights=unexplained, minlength=turns.size * BINS) / np.where(filled > 0, filled, np.nan)
     same = np.concatenate([[False], np.diff(torque_Nm) == 0.0])[good]
     return TurnFeatures(
         number=turns,
@@ -120,9 +120,9 @@ def turn_features(
         cut_off=cut_off,
         speed_rad_s=np.bincount(place, weights=omega[good]) / count,
         sizes=sizes,
-        noise_Nm=np.sqrt(np.bincount(place, weights=rest_of**2) / count),
+        noise_Nm=np.sqrt(np.bincount(place, weights=unexplained**2) / count),
         profile_Nm=profile.reshape(turns.size, BINS),
-        rms_Nm=np.sqrt(np.bincount(place, weights=left**2) / count),
+        rms_Nm=np.sqrt(np.bincount(place, weights=used**2) / count),
         stuck=np.bincount(place, weights=same) / count,
         normal=normal,
         right=right,

@@ -116,8 +116,8 @@ def identify(readings: Readings, machine: Machine, begin: Begin = unheard) -> Id
     found, notes = _settled(readings, machine)
     evidence = found.evidence.thinned(_ALL_SAMPLES)
     model = TorqueModel(evidence, machine, found.settings.direction, _FIRST_SPREAD_RAD)
-    told = model.start()
-    values = told | {DELAY: found.settings.delay_s, ZERO: _near(found.settings.zero_rad, told[ZERO])}
+    configured = model.start()
+    values = configured | {DELAY: found.settings.delay_s, ZERO: _near(found.settings.zero_rad, configured[ZERO])}
     values[GAIN] = found.settings.gain
     free, lost = _identifiable(model, values, found)
     smooth = tuple(name for name in free if name not in EVENTS)
@@ -125,7 +125,7 @@ def identify(readings: Readings, machine: Machine, begin: Begin = unheard) -> Id
     orders = SLOW_ORDERS_OF_ROTOR if found.whole_turns else SLOW_ORDERS
     clean = clean_tracks(model.with_spread(_WIDEST_RAD), steady, values, smooth, orders)
     for each in lost:
-        values[each.name] = told[each.name]
+        values[each.name] = configured[each.name]
     values, events, fit, moved = _solve(model, clean, values, free, begin)
     begin("weighing", 1.0)
     turn = model.turn(values)[fit.good]
@@ -136,9 +136,9 @@ def identify(readings: Readings, machine: Machine, begin: Begin = unheard) -> Id
     fitted = {name: fitted[name] for name in free}
     if DELAY in fitted:
         fitted[DELAY] = widened(fitted[DELAY], readings.stamped)
-    before = (evidence.torque_Nm - model.expected(told))[fit.good]
+    before = (evidence.torque_Nm - model.expected(configured))[fit.good]
     theta = model.parts(values).theta[fit.good]
-    left = unmodelled_torque(theta, fit.residual / values[GAIN], turn, machine.sensors.encoder.cycle_turns)
+    torque = unmodelled_torque(theta, fit.residual / values[GAIN], turn, machine.sensors.encoder.cycle_turns)
     turned = machine.sensors.encoder.direction * machine.sensors.encoder.ratio
     if ZERO in fitted:
         fitted[ZERO] = fitted[ZERO].scaled(1.0 / turned)
@@ -149,7 +149,7 @@ def identify(readings: Readings, machine: Machine, begin: Begin = unheard) -> Id
         spread_rad=_spread(events),
         rms_before_Nm=float(np.sqrt(np.mean(before**2))),
         rms_after_Nm=float(np.sqrt(np.mean(fit.residual**2))),
-        unmodelled=left,
+        unmodelled=torque,
         machine=identified_machine(machine, {**values, ZERO: values[ZERO] / turned}, free),
         notes=(*notes, *(each.text for each in (*lost, *model.not_there))),
     )
@@ -228,14 +228,14 @@ def _solve(
         spread = _spread(events) if events else _WIDEST_RAD
         return ~model.near_event(model.parts(values).theta, values, _beside(spread))
 
-    for last, (fitted, sought) in zip((False, True), _SOLVED, strict=True):
+    for last, (fitted, events_end) in zip((False, True), _SOLVED, strict=True):
         begin("fitting", fitted)
         chosen = away()
         values = least_squares_fit(model, values, smooth, chosen, _MANY_STEPS if last else _FEW_STEPS)
         if last:
             values = instrumented_fit(model, clean[0], values, smooth, chosen).values
         scale = robust_scale((model.evidence.torque_Nm - model.expected(values))[model.parts(values).good & chosen])
-        begin("seeking events", sought)
+        begin("seeking events", events_end)
         for name in names:
             beside = model.beside_event(values, name, _SCAN_RAD)
             if beside.relative_rad.size:
@@ -265,8 +265,8 @@ def _beside(spread_rad: float) -> float:
 
 def _phase_sigma(names: tuple[str, ...], covariance: FloatArray, speed: float) -> float:
     """Standard deviation of the shaft angle at working speed due to zero and delay [rad]."""
-    told = {ZERO: -1.0, DELAY: -speed}
-    weigh = np.array([told.get(name, 0.0) for name in names])
+    effects = {ZERO: -1.0, DELAY: -speed}
+    weigh = np.array([effects.get(name, 0.0) for name in names])
     return math.sqrt(max(float(weigh @ covariance @ weigh), 0.0))
 
 

@@ -25,7 +25,7 @@ def best_periodic(evidence: Evidence, settings: Settings) -> float:
     columns = [*waves, *(wave * omega**2 for wave in waves), *(wave * alpha for wave in waves[:9])]
     matrix = np.stack(columns, axis=1)
     found = np.linalg.lstsq(matrix, torque, rcond=1e-8)[0]
-    left = torque - matrix @ found
+    residual = torque - matrix @ found
     freedom = max(torque.size - matrix.shape[1], 1)
-    unexplained = float(left @ left) / freedom
+    unexplained = float(residual @ residual) / freedom
     return float(1.0 - unexplained / max(float(np.var(torque)), 1e-300))

@@ -91,8 +91,8 @@ class QuantityComparison:
 
     def to_json(self) -> dict[str, Any]:
         """Return the numbers as one object."""
-        told = {name: each for name, each in asdict(self).items() if not isinstance(each, np.ndarray)}
-        out: dict[str, Any] = plain({"quantity": told.pop("name"), **told, "samples": self.time_s.size})
+        numbers = {name: each for name, each in asdict(self).items() if not isinstance(each, np.ndarray)}
+        out: dict[str, Any] = plain({"quantity": numbers.pop("name"), **numbers, "samples": self.time_s.size})
         return out
 
 
@@ -160,9 +160,11 @@ def compare_quantity(trace: Trace, machine: Machine, name: str) -> QuantityCompa
             " be anything: record it at work"
         )
     _check(name, track, time, measured)
-    told = encoder.zero_rad * encoder.direction * encoder.ratio
+    configured_zero = encoder.zero_rad * encoder.direction * encoder.ratio
     few = np.linspace(0, time.size - 1, min(time.size, _COARSE_SAMPLES)).astype(np.int64)
-    model, coarse = (_Model(twin, name, track, some, encoder.direction, told, slow_rad_s) for some in (time, time[few]))
+    model, coarse = (
+        _Model(twin, name, track, some, encoder.direction, configured_zero, slow_rad_s) for some in (time, time[few])
+    )
     _check_machine(coarse, name)
     one_speed = track.at_one_speed
     values = {"scale": 1.0, "offset": 0.0, "zero_rad": 0.0, "delay_s": 0.0}

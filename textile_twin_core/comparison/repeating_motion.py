@@ -52,10 +52,10 @@ def repeating_motion(
     speed = slow * relative
     acceleration = change * relative + slow * speed * np.einsum("ij,ij->i", slopes, size)
     if excess_rad is not None:
-        told = whole & np.isfinite(excess_rad)
-        left = np.linalg.lstsq(_waves(track.theta_rad[told], orders), excess_rad[told], rcond=1e-9)[0]
-        acceleration -= speed**2 * (waves @ (np.tile(orders, 2) ** 2 * left))
-        speed *= 1.0 + slopes @ left
+        known = whole & np.isfinite(excess_rad)
+        coefficients = np.linalg.lstsq(_waves(track.theta_rad[known], orders), excess_rad[known], rcond=1e-9)[0]
+        acceleration -= speed**2 * (waves @ (np.tile(orders, 2) ** 2 * coefficients))
+        speed *= 1.0 + slopes @ coefficients
     omega, alpha = omega.copy(), track.alpha_rad_s2.copy()
     omega[moving], alpha[moving] = speed, acceleration
     return replace(track, omega_rad_s=omega, alpha_rad_s2=alpha)

@@ -150,16 +150,16 @@ class _Observed:
         if first:
             settled = observed.found["settled"] > 0.5
             self.settled = self._within & settled[self._near] & settled[self._near - 1]
-        left = (self.torque - np.interp(self._time, self._known, torque))[self.settled]
+        error = (self.torque - np.interp(self._time, self._known, torque))[self.settled]
         if self._second is None or shaft.second_encoder_station is None:
-            return _about_mean(left), np.empty(0)
+            return _about_mean(error), np.empty(0)
         if first:
             self._second_settled = settled[self._nearest]
         motion, station = observed.motion, shaft.second_encoder_station
         angle = observed.found["angle"] + TURN * self._turns
         angle = angle + motion.psi[:, station] - motion.psi[:, shaft.encoder_station]
         at = CubicHermiteSpline(self._known, angle, motion.omega[:, station])(self._second_time)
-        return _about_mean(left), _about_mean((self._second - at)[self._second_settled])
+        return _about_mean(error), _about_mean((self._second - at)[self._second_settled])
 
 
 def _about_mean(values: FloatArray) -> FloatArray:
@@ -245,9 +245,9 @@ def identify_shaft(readings: Readings, machine: Machine, begin: Begin = unheard)
             bounds=(1.0 - _WIDEST, 1.0 + _WIDEST), xtol=1e-6,
         )  # fmt: skip
         x = found.x
-    logs, left, slopes = x - 1.0, found.fun, -found.jac
-    moved = np.linalg.pinv(slopes) @ (residual(x, memory, weight, 2 * _FINER) - left)
-    spread = uncertainty_by_turns(slopes, left, observed.turns).wider([moved])
+    logs, error, slopes = x - 1.0, found.fun, -found.jac
+    moved = np.linalg.pinv(slopes) @ (residual(x, memory, weight, 2 * _FINER) - error)
+    spread = uncertainty_by_turns(slopes, error, observed.turns).wider([moved])
     parameters = {}
     for k, name in enumerate(scale):
         value = scale[name] * math.exp(logs[k])

@@ -136,10 +136,10 @@ def _step(fit: SmoothFit, free: tuple[str, ...]) -> tuple[FloatArray, FloatArray
     step, stopped = np.zeros(len(free)), np.zeros(len(free), dtype=np.bool_)
     for _ in range(np.count_nonzero(bounded) + 1):
         step[stopped] = -now[stopped]
-        left = ~stopped
-        told = right[left] - normal[np.ix_(left, stopped)] @ (step[stopped] * size[stopped])
-        step[left] = np.linalg.lstsq(normal[np.ix_(left, left)], told, rcond=1e-12)[0] / size[left]
-        below = left & bounded & (now + step < 0.0)
+        moving = ~stopped
+        sides = right[moving] - normal[np.ix_(moving, stopped)] @ (step[stopped] * size[stopped])
+        step[moving] = np.linalg.lstsq(normal[np.ix_(moving, moving)], sides, rcond=1e-12)[0] / size[moving]
+        below = moving & bounded & (now + step < 0.0)
         if not below.any():
             break
         stopped |= below

@@ -19,8 +19,8 @@ def torque_by_speed(evidence: Evidence, delay_s: float) -> float:
     squares would take for information.
     """
     theta, omega, _, good = evidence.track.at(evidence.time_s - delay_s)
-    told, good = evidence.weighed(np.column_stack([theta, evidence.time_s, omega, evidence.torque_Nm]), good)
-    theta, time, omega, torque = told[good].T
+    columns, good = evidence.weighed(np.column_stack([theta, evidence.time_s, omega, evidence.torque_Nm]), good)
+    theta, time, omega, torque = columns[good].T
     turn = turns_gone(theta)
     time = _within(turn, time)
     speed, torque = (_without_trend(turn, time, values) for values in (omega, torque))

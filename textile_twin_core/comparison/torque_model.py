@@ -72,9 +72,9 @@ class TorqueModel:
             self.not_there = tuple(
                 NotIdentifiable(name, f"{name} cannot be told: {text}") for name in (*FORCES, *EVENTS)
             )
-        sought = (ShaftFriction, *((Backing,) if self.backing else ()))
-        others = tuple(load for load in machine.loads if not isinstance(load, sought))
-        self._rest = compile_rigid(
+        fitted = (ShaftFriction, *((Backing,) if self.backing else ()))
+        others = tuple(load for load in machine.loads if not isinstance(load, fitted))
+        self._others = compile_rigid(
             replace(machine, loads=others), ["torque_inertial_Nm", "torque_gravity_Nm", "torque_load_Nm"]
         )
         self._travel: Twin | None = None
@@ -126,8 +126,8 @@ class TorqueModel:
         """Evaluate the parts of the torque at the instants of the samples less the delay."""
         theta, omega, alpha, good = self.evidence.track.at(self.evidence.time_s - values[DELAY])
         theta, omega, alpha = self.direction * theta - values[ZERO], self.direction * omega, self.direction * alpha
-        rest = self._rest.evaluate(theta, omega, alpha)
-        fixed = rest["torque_inertial_Nm"] + rest["torque_gravity_Nm"] + rest["torque_load_Nm"]
+        parts = self._others.evaluate(theta, omega, alpha)
+        fixed = parts["torque_inertial_Nm"] + parts["torque_gravity_Nm"] + parts["torque_load_Nm"]
         way = np.sign(omega)
         units = {"shaft_viscous_Nms": omega, "shaft_coulomb_Nm": way, INERTIA: alpha}
         events: dict[str, FloatArray] = {}

@@ -73,7 +73,7 @@ def uncertainty_by_turns(
         turn: (n,) the turn to which each sample belongs.
         instruments: (n, k) orthogonal to the residual; None for the slopes, as in least squares.
     """
-    left = pseudo_residuals(residual)
+    pseudo = pseudo_residuals(residual)
     size = np.sqrt(np.mean(slopes**2, axis=0)) + 1e-300
     scaled = slopes / size
     if instruments is not None:
@@ -81,9 +81,9 @@ def uncertainty_by_turns(
         scaled = held @ (np.linalg.pinv(held.T @ held, rcond=1e-13, hermitian=True) @ (held.T @ scaled))
     root = _inverse_root(scaled.T @ scaled)
     basis = scaled @ root
-    adjusted, degrees = _by_turns(basis, left, turn, root)
+    adjusted, degrees = _by_turns(basis, pseudo, turn, root)
     across = root @ (adjusted.T @ adjusted) @ root.T
-    independent = root @ root.T * float(np.mean(left**2))
+    independent = root @ root.T * float(np.mean(pseudo**2))
     untold = np.isnan(degrees)
     covariance = np.where(untold | untold[:, None], independent, across)
     quantile = np.where(untold, scipy.stats.norm.ppf(0.975), scipy.stats.t.ppf(0.975, degrees))
@@ -109,8 +109,8 @@ def pseudo_residuals(residual: FloatArray) -> FloatArray:
 def _inverse_root(normal: FloatArray) -> FloatArray:
     """Root R with R R' the pseudo-inverse of a normal matrix (k, k)."""
     size, axes = np.linalg.eigh(normal)
-    told = size > 1e-13 * size[-1]
-    return np.asarray(axes * np.where(told, 1.0 / np.sqrt(np.where(told, size, 1.0)), 0.0))
+    determined = size > 1e-13 * size[-1]
+    return np.asarray(axes * np.where(determined, 1.0 / np.sqrt(np.where(determined, size, 1.0)), 0.0))
 
 
 def _by_turns(

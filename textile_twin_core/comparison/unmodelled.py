@@ -45,15 +45,15 @@ def unmodelled_torque(
     cycle = np.asarray(turn // cycle_turns)
     columns = _waves(theta_rad, cycle_turns)
     found = np.linalg.lstsq(columns.T @ columns, columns.T @ residual_Nm, rcond=1e-9)[0]
-    left = residual_Nm - columns @ found
+    unexplained = residual_Nm - columns @ found
     angle = TURN * np.arange(_POINTS * cycle_turns) / _POINTS
     waves = _waves(angle, cycle_turns)
-    moves = bootstrap_moves(columns, left, cycle) @ waves.T
+    moves = bootstrap_moves(columns, unexplained, cycle) @ waves.T
     scatter = np.std(moves, axis=0) + 1e-300
     width = float(np.percentile(np.max(np.abs(moves) / scatter, axis=1), 95.0))
     torque, band = waves @ found, width * scatter
     power = float(residual_Nm @ residual_Nm)
-    share = 1.0 - float(left @ left) / power if power > 0.0 else 0.0
+    share = 1.0 - float(unexplained @ unexplained) / power if power > 0.0 else 0.0
     significant = share > _WORTH and bool((np.abs(torque) > band).any())
     return UnmodelledTorque(angle, torque, band, share, significant, cycle_turns)
 

@@ -187,11 +187,11 @@ def _weigh(
     record = measurement.record
     seen = measurement.expected(hypothesis, x, slopes=True)
     assert seen.slopes is not None
-    left = record.torque_Nm - seen.torque_Nm
-    own = np.ones_like(left)
+    error = record.torque_Nm - seen.torque_Nm
+    own = np.ones_like(error)
     if not record.block_s and seen.good.any():
-        own = 1.0 / (1.0 + (seen.sigma / (_BESIDE * robust_scale(left[seen.good]))) ** 2)
-    columns, good = measurement.means(np.column_stack([left, own, seen.theta, seen.slopes]), seen.good)
+        own = 1.0 / (1.0 + (seen.sigma / (_BESIDE * robust_scale(error[seen.good]))) ** 2)
+    columns, good = measurement.means(np.column_stack([error, own, seen.theta, seen.slopes]), seen.good)
     residual, own, theta, slopes = columns[good, 0], columns[good, 1], columns[good, 2], columns[good, 3:]
     if not scale:
         # averages over a step of the load scatter more but count in full: no robust scale there
@@ -199,14 +199,14 @@ def _weigh(
     weight = huber_weights(residual, scale) * own
     information = (slopes * weight[:, None]).T @ slopes / scale**2
     gradient = (slopes * weight[:, None]).T @ residual / scale**2
-    rest, rest_slopes = measurement.at_standstill(hypothesis, x, slopes=True)
-    if rest.size and rest_slopes is not None:
-        at_rest = rest_slopes * (huber_weights(rest, 1.0) * inflation)[:, None]
-        information = information + at_rest.T @ rest_slopes
-        gradient = gradient + at_rest.T @ rest
+    standing, standing_slopes = measurement.at_standstill(hypothesis, x, slopes=True)
+    if standing.size and standing_slopes is not None:
+        weighted = standing_slopes * (huber_weights(standing, 1.0) * inflation)[:, None]
+        information = information + weighted.T @ standing_slopes
+        gradient = gradient + weighted.T @ standing
     loss = float(np.sum(own * huber_loss(residual, scale))) / inflation
     absent = loss * (good.size - residual.size) / max(residual.size, 1)
-    cost = loss + float(np.sum(huber_loss(rest, 1.0)))
+    cost = loss + float(np.sum(huber_loss(standing, 1.0)))
     cost += float(np.sum((x - measurement.nominal) ** 2 / variance))
     turn = np.floor(theta / TURN).astype(np.int64)
     if record.block_s * abs(record.speed_rad_s) > 0.5 * TURN:
@@ -236,9 +236,9 @@ def _cost(
     own = np.ones(both.size)
     own[here.good] = here.own
     loss = float(np.sum(own[both] * huber_loss(columns[both, 0], here.scale))) / inflation
-    rest, _ = measurement.at_standstill(hypothesis, x)
+    standing, _ = measurement.at_standstill(hypothesis, x)
     prior = float(np.sum((x - measurement.nominal) ** 2 / variance))
-    return loss * np.count_nonzero(here.good) / count + float(np.sum(huber_loss(rest, 1.0))) + prior
+    return loss * np.count_nonzero(here.good) / count + float(np.sum(huber_loss(standing, 1.0))) + prior
 
 
 def _step(names: tuple[str, ...], index: IntArray, normal: FloatArray, slope: FloatArray, damping: float) -> FloatArray:

@@ -93,8 +93,10 @@ class Posterior:
 
     def equivalents(self, name: str) -> tuple[str, ...]:
         """Parameters whose departure, in place of this one, explains the record equally well, likeliest first."""
-        rest = self.departing - {name}
-        swapped = [s - rest for _, s in self.choice.rivals if rest <= s and name not in s and len(s) == len(rest) + 1]
+        others = self.departing - {name}
+        swapped = [
+            s - others for _, s in self.choice.rivals if others <= s and name not in s and len(s) == len(others) + 1
+        ]
         return tuple(dict.fromkeys(next(iter(each)) for each in swapped))
 
     @property

@@ -223,11 +223,11 @@ def _is_words(row: list[str], counted: Sequence[int]) -> bool:
 
 def _are_units(row: list[str]) -> bool:
     """Return true if cells are as short as units and no names, or half of the non-empty ones are known units."""
-    told = [cell for cell in row if cell]
-    unknown = [cell for cell in told if not is_unit(cell)]
-    if 2 * len(unknown) <= len(told):
+    filled = [cell for cell in row if cell]
+    unknown = [cell for cell in filled if not is_unit(cell)]
+    if 2 * len(unknown) <= len(filled):
         return True
-    return all(len(cell) <= 8 for cell in told) and not any(
+    return all(len(cell) <= 8 for cell in filled) and not any(
         choose(kind, unknown) for kind in ("time", "angle", "torque", "speed")
     )
 

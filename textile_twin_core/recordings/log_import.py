@@ -239,10 +239,10 @@ class _Import:
         seconds, own = self._seconds(own, kind)
         at = f"; at {self._words[kind]}" if own != clock else ""
         self._words[kind] = words + at
-        told = self._words[kind]
+        earlier = self._words[kind]
         stamps, here = self._with_stamps(values, seconds, own, kind)
         if own == clock:
-            self._words[kind] = told  # its times are reported once
+            self._words[kind] = earlier  # its times are reported once
             return stamps, here, channel
         return stamps, here, replace(channel, clock=own)
 
@@ -323,10 +323,10 @@ def _table(columns: Mapping[str, FloatArray]) -> LogTable:
 def _amiss(steps: IntArray) -> str:
     """Describe times that repeat or fall from row to row; empty if they rise."""
     back, stands = np.flatnonzero(steps < 0), int(np.count_nonzero(steps == 0))
-    told = f"; goes back at {back.size} rows, first at row {back[0] + 2}" if back.size else ""
-    told += f"; {stands} rows have the time of the row before" if stands else ""
+    text = f"; goes back at {back.size} rows, first at row {back[0] + 2}" if back.size else ""
+    text += f"; {stands} rows have the time of the row before" if stands else ""
     what = "such rows are in the recording, and are left out where it is used"
-    return f"{told}: {what}; where rows are evenly spaced give --rate" if told else ""
+    return f"{text}: {what}; where rows are evenly spaced give --rate" if text else ""
 
 
 def _own_readings(angle: FloatArray, unit: str) -> tuple[FloatArray, str]:

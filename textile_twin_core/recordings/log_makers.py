@@ -62,8 +62,8 @@ def _labview(lines: Sequence[str]) -> KnownHead | None:
     end = _end_of_labview_heads(lines)
     if end is None or end + 1 >= len(lines):
         return None
-    told = next((found for found in map(_SEPARATOR.match, lines[:end]) if found), None)
-    separator = _SEPARATORS.get(told[1].lower(), "\t") if told else "\t"
+    separator_line = next((found for found in map(_SEPARATOR.match, lines[:end]) if found), None)
+    separator = _SEPARATORS.get(separator_line[1].lower(), "\t") if separator_line else "\t"
     cells = [line.split("\t" if "\t" in line else separator) for line in lines[:end]]
     keys = {row[0].strip(): row[1].strip() for row in cells if len(row) > 1}
     names = [name.strip().strip('"') for name in lines[end + 1].rstrip("\r\n").split(separator)]

@@ -66,11 +66,11 @@ def _take(content: Mapping[str, Any], above: str, time: str, log: LogTable, fiel
     if own is not None:
         time = _distinct(own, log)
         _put(time, content[own], time, log)
-    told = next((str(content[key]) for key in _LABELS if isinstance(content.get(key), str) and content[key]), "")
+    label = next((str(content[key]) for key in _LABELS if isinstance(content.get(key), str) and content[key]), "")
     unit = next((f" [{content[key]}]" for key in _UNITS if isinstance(content.get(key), str) and content[key]), "")
     for key, value in content.items():
         plain = key.lower() in fields
-        name = (told or above or key) if plain else f"{above}.{key}" if above else key
+        name = (label or above or key) if plain else f"{above}.{key}" if above else key
         for each, part in _parts(name, value):
             if isinstance(part, dict):
                 _take(part, each, time, log)
