@@ -131,13 +131,13 @@ def test_a_monitor_enters_what_a_full_disk_refused(tmp_path: Path) -> None:
     log = FaultLog(str(tmp_path), "/", "tufting")
     watch._learning = [None] * 20  # type: ignore[list-item]
     log._remembered = True
-    watch._told, watch._calm = {"constant_torque": FRICTION}, {"constant_torque": 0}
+    watch._raised, watch._calm = {"constant_torque": FRICTION}, {"constant_torque": 0}
     with full_disk(max(path.stat().st_size for path in tmp_path.iterdir() if path.suffix == ".db")):
         log.enter(watch, [FRICTION], "")
         for stamp in range(200):  # until the write-ahead log is full
             log.enter(watch, [replace(NEEDLE, stamp_ns=stamp)], "")
         assert "make room" in log.trouble
-    watch._told, watch._calm = {}, {}
+    watch._raised, watch._calm = {}, {}
     log.enter(watch, [], "")
     assert not log.trouble
     faults = FaultBook(tmp_path).faults()
