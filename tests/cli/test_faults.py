@@ -1,4 +1,4 @@
-"""textile-twin faults and opcua: what they print, write and refuse."""
+"""textile-twin faults and opcua: printed and written outputs, and refusals."""
 
 from __future__ import annotations
 

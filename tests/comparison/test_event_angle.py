@@ -48,7 +48,7 @@ def test_the_interval_holds_truth_and_value(samples: int) -> None:
 
 @pytest.mark.slow
 def test_a_posterior_wider_than_the_grid_is_its_own() -> None:
-    """A force that grows over 2 degrees: the grid's width adds nothing, and the shift errs as its sigma says."""
+    """A force grows over 2 degrees: the grid adds no width to the posterior, and errors of the shift fit its sigma."""
     shifts = []
     for seed in range(_RECORDS):
         rng = np.random.default_rng(seed)

@@ -204,7 +204,7 @@ def _assess(readings: Readings, machine: Machine, track: ShaftTrack | None) -> A
     short = found.unexplained > NOT_THIS_MACHINE
     periodic = best_periodic(evidence.thinned(), found.settings) if short else found.explained
     if short and machine.sensors.encoder.teeth:
-        # Its pitch errors read as acceleration: what follows from that accuses no part.
+        # Pitch errors of its wheel read as acceleration, so no cause is named.
         return Assessment(unit, found, (), (*_notes(evidence), _WHEEL))
     named, notes = causes(found, unit, per_turn, periodic), _notes(evidence)
     if machine.sensors.encoder.teeth and machine.sensors.encoder.pitch_errors_rad is None:

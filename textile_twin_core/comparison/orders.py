@@ -101,7 +101,7 @@ class OrderMap:
         return edges, columns
 
     def peaks(self) -> list[OrderPeak]:
-        """The largest peaks of the spectrum, largest first: at most eight, and none below 0.1 % of the largest."""
+        """Find the largest peaks of the spectrum, largest first: at most eight, each above 0.1 % of the largest."""
         inner, reach = self.spectrum[1:], self.turns // 4
         around = np.lib.stride_tricks.sliding_window_view(np.pad(inner, reach), 2 * reach + 1)
         is_peak = (

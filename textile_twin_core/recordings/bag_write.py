@@ -30,15 +30,12 @@ _FLUSH_SECONDS = 1.0
 class BagWriter(ArrayWriter):
     """Writer of one recording; a context manager.
 
-    A path that ends in .mcap gives a single file, any other a rosbag2 folder with metadata.yaml. The recording
-    is written
-    to a hidden sibling and renamed when complete; an exception removes it.
+    A path that ends in .mcap gives a single file, any other a rosbag2 folder with metadata.yaml. The recording is
+    written to a hidden sibling and renamed when complete; an exception removes it.
 
-    With live=True the recording is written in place and synced to disk once a second (call flush() from a timer
-    to ensure
-    this while no messages arrive). A kill loses at most a second, open_bag reads the truncated recording, and an
-    exception
-    completes it.
+    With live=True the recording is written in place and synced to disk once a second (call flush() from a timer to
+    ensure this while no messages arrive). A kill loses at most a second, open_bag reads the truncated recording, and an
+    exception completes it.
 
     Args:
         path: Folder or .mcap file.

@@ -141,7 +141,7 @@ def _text(
             return
     except pyarrow.ArrowInvalid:
         pass
-    # Some office programs write a minus sign, not a hyphen, before what is negative.
+    # Some office programs write a minus sign, not a hyphen, before negative numbers.
     plain = without_thousands(compute.replace_substring(cells, "\u2212", "-"), decimal)
     if decimal == ",":
         plain = compute.replace_substring(plain, ",", ".")

@@ -43,9 +43,8 @@ def walk(buffer: mmap.mmap | bytes, start: int, end: int) -> Iterator[tuple[int,
 class Framing:
     """Iterator over the records of a file, (opcode, position, end) each, without an incomplete last one.
 
-    Where the head of a record is invalid, the next valid record is searched for. `lost` lists the ranges in
-    between, start
-    and end, up to the end of the file if no record follows.
+    Where the head of a record is invalid, the next valid record is searched for. `lost` lists the ranges in between,
+    start and end, up to the end of the file if no record follows.
 
     Args:
         file: The file.
@@ -133,9 +132,8 @@ class Framing:
     def _search(self, at: int) -> int | None:
         """Find the next certain record; None without one.
 
-        Unchunked messages count as records only in files without chunks, since messages of a lost chunk are no
-        longer protected
-        by its checksum.
+        Unchunked messages count as records only in files without chunks, since messages of a lost chunk are no longer
+        protected by its checksum.
         """
         if self._chunked is None:
             self._chunked = self._find(_ANY_CHUNK, at) is not None

@@ -47,9 +47,8 @@ def predicted_topics(machine: AnyMachine) -> PredictedTopics:
     """List the topics of a machine: positions such as needle/position for each measure, its joints, its torque.
 
     A machine of sliding elements has them as its joints and no torque, since samples cannot represent impacts. A
-    machine
-    with an elastic main shaft also has the tool of every station, such as needle_at_s3/position, and the outputs of the
-    shaft (see `elastic_outputs`), each under its own name.
+    machine with an elastic main shaft also has the tool of every station, such as needle_at_s3/position, and the
+    outputs of the shaft (see `elastic_outputs`), each under its own name.
     """
     points = {f"{measure}/position": point for measure, point in machine.tools.items()}
     joints = dict(machine.joint_outputs)

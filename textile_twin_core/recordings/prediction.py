@@ -114,9 +114,8 @@ def recorded_torque(
 ) -> PredictedTorque:
     """Read the torque that the live twin published into the recording, beside the topic of the shaft angle.
 
-    Shaft angles and convergence of the estimator come from `computed`, matched by the stamps that a prediction
-    shares with
-    its angle sample. A note warns of predictions far from the computed ones.
+    Shaft angles and convergence of the estimator come from `computed`, matched by the stamps that a prediction shares
+    with its angle sample. A note warns of predictions far from the computed ones.
 
     Args:
         bag: The recording.

@@ -51,11 +51,9 @@ def replay_bag(
     """Copy a recording and add the predictions of the twin, each message with the stamp of its angle sample.
 
     The topics are those of the live twin (see predicted_topics): balancing_torque/predicted and predicted_sigma,
-    positions
-    such as needle/position, joint_states, robot_description of a linkage. With a measured torque in the recording,
-    balancing_torque/residual is added at its stamps. The namespace of the angle topic applies to all. Topics of
-    these names
-    in the recording are not copied.
+    positions such as needle/position, joint_states, robot_description of a linkage. With a measured torque in the
+    recording, balancing_torque/residual is added at its stamps. The namespace of the angle topic applies to all. Topics
+    of these names in the recording are not copied.
     """
     recorded = recorded or MachineTopics()
     angles = recorded.read_angles(bag, machine.sensors.encoder)

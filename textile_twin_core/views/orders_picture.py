@@ -48,8 +48,7 @@ def orders_figure(maps: Mapping[str, OrderMap], resonances: Resonances | None = 
     """Draw a row of three plots for each signal, 1600 pixels wide.
 
     With `resonances` of an elastic shaft, the maps over speed also show its natural frequencies as lines and its
-    critical
-    speeds as dots, where an order of the machine's own torque meets a natural frequency.
+    critical speeds as dots, where an order of the machine's own torque meets a natural frequency.
     """
     height = 0.9 + 4.1 * len(maps)
     figure = paper.new_figure(16.0, height)

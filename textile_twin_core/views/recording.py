@@ -146,8 +146,7 @@ def limit_of(comparison: Comparison) -> float:
     """Return the residual [N m] that no turn exceeds while the machine behaves as in its first turns.
 
     The limit is a multiple of the typical maximum per turn. A multiple of the RMS error would be exceeded in every
-    other
-    turn of a sound machine, since a turn has hundreds of samples.
+    other turn of a sound machine, since a turn has hundreds of samples.
     """
     worst = np.abs(comparison.by_revolution.worst_Nm)
     worst = worst[np.isfinite(worst)]
