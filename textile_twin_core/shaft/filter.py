@@ -74,7 +74,7 @@ def process_sample(record: Records, block: Block, i: int, row: Record) -> bool:
     status.sensor_speed = block.velocities[i] if block.velocities.size > 0 else math.nan
     status.samples += 1.0
     row.index, row.settled = status.received - 1.0, -1.0
-    row.noise, row.cut, row.intensity, row.residual = 0.0, 0.0, 0.0, 0.0
+    row.noise = row.gate_noise = row.cut = row.intensity = row.residual = 0.0
     if status.samples == 1.0:
         status.origin, status.time = turns, 0.0
         status.angle = row.reading = row.angle = phase

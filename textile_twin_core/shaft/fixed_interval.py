@@ -35,6 +35,12 @@ MODEL_PARTS, MODEL_ROWS = 32, 256  # parts of a long stretch, and rows of each, 
 OVERLAP = 512  # rows on either side of a part that are smoothed along with it
 PENALTY = 0.5  # log-likelihood for each row with a memory of its own
 CONVERGENCE = 128  # first rows of a stretch, in which the bank may not have converged
+LESS_NOISE = 0.01  # the other hypothesis on the readings' variance, relative to the filter's
+HELD_EVERY, FEWEST_HELD = 5, 50  # one accepted reading of so many is held out; their least number
+BETTER = 0.8  # ratio of the held-out readings' squared errors up to which the other hypothesis is adopted
+TAIL, MEDIAN = 9.0, 0.455  # times the median squared error, to which errors are clipped; median of a normal z^2
+INDEPENDENT = 2.0  # readings that share a rounding error, up to which their errors count as independent
+HELD_PARTS = 4  # parts of a long stretch in which readings are held out
 FEWEST = 4  # rows below which a stretch keeps the filter's states
 
 
@@ -133,16 +139,17 @@ class SmoothEstimator(ShaftEstimator):
         for stretch in stretches:
             self._choose_first_memories(stretch[: 2 * CONVERGENCE + 1])
         wheel = self._wheel
+        self._noise_factor = 1.0
         passes = PITCH_PASSES if wheel is not None and wheel.learning and rows.size else 0
         for done in range(passes + 1):
             for stretch in stretches:
                 if len(stretch) >= FEWEST:
-                    self._smooth_stretch(stretch)
+                    self._smooth_stretch(stretch, done == passes)
             if wheel is not None and done < passes:
                 self._learn_wheel(wheel, rows, done == 0)
         weight = np.array(FIRST_WEIGHT)
         scale_covariances(weight, rows)
-        adopt_weight(self._status, weight)
+        adopt_weight(self._status, self._noise_factor * weight)
 
     def _choose_first_memories(self, rows: Records) -> None:
         """Set memories of the first half of rows to the second half's shortest, unless the bank's are much likelier."""
@@ -175,9 +182,12 @@ class SmoothEstimator(ShaftEstimator):
                 set_second(ripple, waves, lowest, status[0]["second"][f])
             status["sensor_ripple"], status["shaft_second"] = 0.0, status["second"]
 
-    def _smooth_stretch(self, rows: Records) -> None:
-        """Smooth a stretch in parts of one model each, selected wherever the stored ripple changed."""
-        known = self._known
+    def _smooth_stretch(self, rows: Records, last: bool) -> None:
+        """Smooth a stretch in parts of one model each, selected wherever the stored ripple changed.
+
+        The `last` smoothing of a record corrects the noise of the readings first.
+        """
+        known, estimated = self._known, self._settings.stamp_jitter_s is None
         changes = np.searchsorted(rows["index"], [status["received"][0] for status in known[:-1]])
         led = np.bincount(rows["leading"].astype(np.int64), minlength=layout.MODELS) > LEAST_LED * len(rows)
         parts: list[tuple[int, Records, int]] = []
@@ -191,10 +201,45 @@ class SmoothEstimator(ShaftEstimator):
         for (first, status, model), end in zip(parts, ends, strict=True):
             begin = max(first - OVERLAP, 0)
             begin += int(np.argmax(rows["noise"][begin:] > 0.0))
+            unit = self._unit_of_less_noise(rows[first:end], status, model) if last and estimated else 0.0
+            if unit > 0.0:
+                _lower_noise(rows[first:end])
             part = rows[begin : end + OVERLAP]
             if len(part) >= FEWEST:
                 smoother = new_smoother(self._settings, len(part))
+                smoother.filters["scale"][0, layout.SMOOTHER] = unit or 1.0
                 smooth_model(smoother, status, model, part, max(first - begin, 1), end - begin - 1)
+            if unit > 0.0:
+                self._noise_factor = LESS_NOISE * unit
+                rows["noise"][first:end] *= unit
+
+    def _unit_of_less_noise(self, rows: Records, status: Records, model: int) -> float:
+        """Return the variance of unit weight with much less noise, if that predicts held-out readings better, else 0.
+
+        The filter's noise scale contains the motion that it does not follow, of which the smoother follows more.
+        """
+        parts = _model_parts(rows, HELD_PARTS)
+        smoother = new_smoother(self._settings, max(map(len, parts)))
+        errors: list[list[FloatArray]] = [[], []]
+        variances: list[FloatArray] = []
+        for part in parts:
+            held = np.flatnonzero(part["noise"] > 0.0)[2:-2:HELD_EVERY]
+            held = held[part["correlated"][held] < INDEPENDENT]
+            for found, lower in zip(errors, (False, True), strict=True):
+                trial = part.copy()
+                if lower:
+                    _lower_noise(trial)
+                noise = trial["noise"][held]
+                trial["noise"][held] = 0.0
+                smooth_model(smoother, status, model, trial, 1, len(trial) - 1)
+                found.append(trial["residual"][held] ** 2)
+            variances.append(trial["covariance"][held, 0] + noise)
+        before, after, variance = (np.concatenate(found) for found in (*errors, variances))
+        if before.size < FEWEST_HELD:
+            return 0.0
+        most = TAIL * np.median(before)
+        better = np.mean(np.minimum(after, most)) < BETTER * np.mean(np.minimum(before, most))
+        return float(np.median(after / variance) / MEDIAN) if better else 0.0
 
     def _likeliest(self, rows: Records, led: BoolArray, known: list[Records]) -> tuple[Records, int]:
         """Select ripple and model by likelihood, penalised by the number of coefficients (Schwarz 1978).
@@ -212,6 +257,13 @@ class SmoothEstimator(ShaftEstimator):
         fits = [sum(smooth_model(smoother, status, f, part, 1, 0) for part in parts) for status, f in tried]
         waves = np.array([status["waves"][0][f] for status, f in tried])
         return tried[int(np.argmax(np.asarray(fits) - penalty * waves))]
+
+
+def _lower_noise(rows: Records) -> None:
+    """Lower the noise of the readings; the filter's remains the measure of outliers."""
+    rows["gate_noise"] = rows["noise"]
+    for field in ("noise", "unit"):
+        rows[field] *= LESS_NOISE
 
 
 def _ripple(status: Records) -> tuple[FloatArray, float, float]:
@@ -249,10 +301,10 @@ def _compact(rows: Records) -> Records:
     return rows.view(np.float64).reshape(-1)[: count * fields].view(STATE)
 
 
-def _model_parts(rows: Records) -> list[Records]:
+def _model_parts(rows: Records, most: int = MODEL_PARTS) -> list[Records]:
     """Return rows to select a model by: parts evenly spaced in a long stretch, each from an accepted reading on."""
     parts = [rows]
-    if len(rows) > MODEL_PARTS * MODEL_ROWS:
-        starts = np.linspace(0, len(rows) - MODEL_ROWS, MODEL_PARTS).astype(np.int64)
+    if len(rows) > most * MODEL_ROWS:
+        starts = np.linspace(0, len(rows) - MODEL_ROWS, most).astype(np.int64)
         parts = [rows[start : start + MODEL_ROWS] for start in starts]
     return [part[int(np.argmax(part["noise"] > 0.0)) :] for part in parts]

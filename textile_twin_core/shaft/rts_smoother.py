@@ -185,7 +185,7 @@ def filter_rows(smoother: Smoother, rows: Records) -> float:
         time_update(filters, math.sqrt(row.intensity * row.step), row.step, m, m + 1)
         if row.noise > 0.0:
             innovate(filters, row.clock, row.noise, m, m + 1)
-            if (row.reading - row.angle) ** 2 <= ROBUST * row.noise:  # accepted by the bank
+            if (row.reading - row.angle) ** 2 <= ROBUST * max(row.noise, row.gate_noise):  # accepted by the bank
                 filters.noise_variance[m] = row.noise
             variance = filters.noise_variance[m] + filters.prior_variance[m]
             measurement_update(filters, m, m + 1)
@@ -296,6 +296,6 @@ def _write_state(smoother: Smoother, row: Record, noise: float) -> None:
             sensitivity[i, k, layout.SMOOTHER] *= row.intensity / (row.intensity + rejected)
     row.covariance[:] = 0.0
     add_ripple_covariance(filters, waves, layout.SMOOTHER, 1.0, row.covariance)
-    add_spread(s, filters.slopes, 1.0, row.covariance)
+    add_spread(s, filters.slopes, filters.scale[layout.SMOOTHER], row.covariance)
     add_systematic(row, 1.0)
     put_angle(row, theta)

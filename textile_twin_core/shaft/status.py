@@ -129,6 +129,7 @@ STATE = np.dtype(
 yet), number of the input sample, covariance."""
 _FOR_SMOOTHING = (
     "reading", "noise", "unit",  # unwrapped reading [rad]; its variance (0: rejected), and that without noise scale
+    "gate_noise",  # variance by which a reading is an outlier, if larger
     "angle", "origin",  # estimated angle [rad]; whole turns to add to both
     "correlated", "interval", "time", "step",  # as in the status; time since the first sample and the last one [s]
     "cut",  # MANOEUVRE .., or 0
