@@ -24,6 +24,7 @@ from textile_twin_core.cli.recording_batch import BatchJob, add_batch, one_recor
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 from textile_twin_core.comparison import Comparison, assess, compare_torque, summary_rows, verdict_lines
 from textile_twin_core.comparison.elastic_readings import without_elasticity
+from textile_twin_core.comparison.shaft_departure import shaft_cause, shaft_departure
 from textile_twin_core.comparison.stamp_timing import widened_fit
 from textile_twin_core.files import machine_document, staged
 from textile_twin_core.machine import Machine
@@ -132,9 +133,17 @@ def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded:
         done = stage("predicting", _PREDICTED, 2 * len(angles))
         predicted = recompute(angles, machine, arguments.shaft, done, second, **shaft_settings(arguments))
         stage("judging", _JUDGED, 1)
-        known = (predicted.stamps_ns, predicted.torque_Nm, predicted.settled)
-        readings = without_elasticity(readings_of(angles, measured), machine, predicted.track, *known)
-        judged = assess(readings, machine, predicted.track)
+        readings = readings_of(angles, measured, second)
+        shaft = None if machine.shaft is None else shaft_departure(readings, machine)
+        true, found = predicted, machine
+        if shaft is not None:
+            found = shaft.machine
+            true = recompute(angles, found, arguments.shaft, None, second, **shaft_settings(arguments))
+        known = (true.stamps_ns, true.torque_Nm, true.settled)
+        judged = assess(without_elasticity(readings, found, predicted.track, *known), found, predicted.track)
+        if shaft is not None:
+            judged = dataclasses.replace(judged, verdict=(shaft_cause(shaft, machine), *judged.verdict))
+        del true
         notes, verdict, explained, seen = judged.notes, judged.verdict, judged.explained, judged.quantities
         times = None if angles.recorded_ns is None else (angles.recorded_ns, angles.stamps)
         angle_topic, stamped = angles.topic, tuple(t for t in (angles.timing, measured.timing) if t is not None)

@@ -212,7 +212,7 @@ def _assess(readings: Readings, machine: Machine, track: ShaftTrack | None) -> A
         if len(judged) < len(named):
             notes = (*notes, _PITCH)
         named = judged
-    return Assessment(unit, found, tuple(named), notes, quantities(found, named) if not short else ())
+    return Assessment(unit, found, tuple(named), notes, quantities(found, named))
 
 
 def _judged(

@@ -34,6 +34,8 @@ INERTIA, SLIP = "drive_inertia_kgm2", "drive_slip_Nms_rad"
 _NAMES = (STIFFNESS, DAMPING, INERTIA, SLIP)
 _FACTORS = np.exp(np.arange(-0.24, 0.241, 0.02))
 """Stiffnesses tried over the configured one: 2 % apart, since the minimum about the true one is narrow."""
+_DAMPINGS = (1.0, 0.5, 0.7, 1.4, 2.0)
+"""Dampings tried over the configured one, at the best stiffness."""
 _SCALES = {STIFFNESS: 0.01, DAMPING: 0.1, INERTIA: 0.05, SLIP: 0.1}
 """Changes of the logarithms that change the torque by similar amounts."""
 _STEP = 1e-3
@@ -89,7 +91,7 @@ class _Observed:
 
     def __init__(self, readings: Readings, machine: Machine) -> None:
         self._elastic = elastic_shaft(machine)
-        self._speed, self.configured = machine.nominal_speed_rad_s, _values(machine)
+        self._speed, self.configured = machine.nominal_speed_rad_s, shaft_values(machine)
         self.scales = ShaftObserver(self._elastic, self._speed).scales
         encoder, sensor = machine.sensors.encoder, machine.sensors.torque
         turned = encoder.direction * encoder.ratio
@@ -162,6 +164,18 @@ class _Observed:
         return _about_mean(error), _about_mean((self._second - at)[self._second_settled])
 
 
+@dataclass(frozen=True)
+class ShaftScan:
+    """Stiffness and damping that leave least of the torque, and the share that they leave of the configured shaft's."""
+
+    machine: Machine
+    observed: _Observed
+    started: Mapping[str, float]
+    share: float
+    before_Nm: FloatArray
+    second_before_rad: FloatArray
+
+
 def _about_mean(values: FloatArray) -> FloatArray:
     return np.asarray(values - np.mean(values) if values.size else values)
 
@@ -184,7 +198,7 @@ def identify_shaft(readings: Readings, machine: Machine, begin: Begin = unheard)
 
     All pieces keep their proportions. The residual is that of the observer's torque, so the encoder at one station is
     enough; a second encoder adds the residual of its angle, whose zero is free, each over its own scale. The fit starts
-    from the configured values and the best of the stiffnesses up to 27 % around; sensors, loads and masses are as
+    from the best of the stiffnesses up to 27 % and of the dampings up to twice around; sensors, loads and masses are as
     configured. Intervals by `uncertainty_by_turns`, widened by the change of the estimates at half the time step.
 
     Args:
@@ -199,24 +213,45 @@ def identify_shaft(readings: Readings, machine: Machine, begin: Begin = unheard)
     Raises:
         RecordingError: For a recording without enough converged predictions.
     """
+    return fit_shaft(scan_shaft(readings, machine, begin), begin)
+
+
+def scan_shaft(readings: Readings, machine: Machine, begin: Begin = unheard) -> ShaftScan:
+    """Try stiffnesses and dampings of a shaft with its drive unknown; arguments and errors as `identify_shaft`."""
     begin("observing", 0.1)
     observed = _Observed(readings, machine)
-    shaft, configured = _shaft(machine), observed.configured
-    drive: dict[str, float | None] = {INERTIA: shaft.drive.inertia_kgm2, SLIP: shaft.drive.slip_Nms_rad}
-    before, second_before = observed.residual(observed.observer(configured | drive), first=True)
+    configured = observed.configured
+    before, second_before = observed.residual(observed.observer({**configured, **_known_drive(machine)}), first=True)
     if before.size < _FEWEST:
         if observed.scales.damping_ratio == 0.0:
             raise RecordingError("a shaft without any damping never settles: give its pieces damping_Nms_rad")
         raise RecordingError("the shaft's state does not settle in this recording: record longer at working speed")
     begin("trying stiffnesses", 0.5)
     unknown: dict[str, float | None] = {INERTIA: None, SLIP: None}
-    tried = [configured[STIFFNESS] * factor for factor in _FACTORS]
-    left_by = [
-        float(np.mean(np.abs(observed.residual(observed.observer({**configured, **unknown, STIFFNESS: each}))[0])))
-        for each in tried
-    ]
-    started: dict[str, float | None] = {**configured, STIFFNESS: tried[int(np.argmin(left_by))]}
-    learner = observed.observer(started | {name: value for name, value in drive.items() if value is None})
+
+    def left(values: Mapping[str, float | None]) -> float:
+        return float(np.mean(np.abs(observed.residual(observed.observer({**configured, **unknown, **values}))[0])))
+
+    stiffness = min((configured[STIFFNESS] * factor for factor in _FACTORS), key=lambda each: left({STIFFNESS: each}))
+    dampings = [configured[DAMPING] * factor for factor in _DAMPINGS]
+    left_by = [left({STIFFNESS: stiffness, DAMPING: each}) for each in dampings]
+    best = int(np.argmin(left_by))
+    started = {STIFFNESS: stiffness, DAMPING: dampings[best]}
+    return ShaftScan(machine, observed, started, left_by[best] / float(np.mean(np.abs(before))), before, second_before)
+
+
+def _known_drive(machine: Machine) -> dict[str, float | None]:
+    """Inertia and slip of the drive, None where the machine file has none."""
+    drive = _shaft(machine).drive
+    return {INERTIA: drive.inertia_kgm2, SLIP: drive.slip_Nms_rad}
+
+
+def fit_shaft(scan: ShaftScan, begin: Begin = unheard) -> ShaftIdentification:
+    """Fit the shaft from the best of the scanned stiffnesses on."""
+    machine, observed, before, second_before = scan.machine, scan.observed, scan.before_Nm, scan.second_before_rad
+    configured, known = observed.configured, _known_drive(machine)
+    started: dict[str, float | None] = {**configured, **scan.started}
+    learner = observed.observer(started | {name: value for name, value in known.items() if value is None})
     observed.residual(learner)
     started |= {INERTIA: learner.drive_inertia_kgm2, SLIP: max(learner.drive_slip_Nms_rad, 0.0)}
     scale = {name: value for name, value in started.items() if value is not None and value > 0.0}
@@ -281,7 +316,7 @@ def _end_to_end(values: FloatArray) -> float:
     return float(1.0 / np.sum(1.0 / values)) if (values > 0.0).all() else 0.0
 
 
-def _values(machine: Machine) -> dict[str, float]:
+def shaft_values(machine: Machine) -> dict[str, float]:
     """Values of the parameters of a machine."""
     shaft = _shaft(machine)
     ratios = np.array(shaft.speed_ratios[1:])
@@ -295,7 +330,7 @@ def _values(machine: Machine) -> dict[str, float]:
 
 def _changed(machine: Machine, values: Mapping[str, float]) -> Machine:
     """Return the machine with other values of some parameters; pieces keep their proportions and own inertia."""
-    shaft, now = _shaft(machine), _values(machine)
+    shaft, now = _shaft(machine), shaft_values(machine)
     factors = {name: values.get(name, now[name]) / now[name] for name in (STIFFNESS, DAMPING) if now[name] > 0.0}
     pieces = tuple(
         replace(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -159,7 +159,11 @@ def _departures(found: Judged) -> list[Cause]:
     p, named = found.posterior, list[tuple[float, Cause]]()
     for name in sorted(p.departing):
         away, sigma = p.departure(name), p.sigma(name)
-        if name == ZERO:
+        if name in (ZERO, DELAY) and found.evidence.track.at_one_speed:
+            if {ZERO, DELAY} <= p.departing and name == DELAY:
+                continue  # one cause for both
+            away = dict(zip((ZERO, DELAY), _at_one_speed(found), strict=True))[name]
+        elif name == ZERO:
             away = _zero_departure(found)
         known = p.parameter(name)
         if name in (COULOMB, VISCOUS, HELD) or abs(away) < known.threshold:
@@ -260,15 +264,22 @@ def _or_inertia(found: Judged, delay_s: float) -> str:
     return f", or {inertia:.2g} kg m2 that turn with it are not in the model, since the torque follows the speed here"
 
 
-def _zero_or_delay(found: Judged, name: str) -> Cause:
-    settled, speed = found.settled, _speed(found)
-    _, sigma = _as_zero(found)
-    # At one speed only the sum is known; given its tolerances the file's lengths and phases would take a share of it.
-    late, ahead = settled.given_file(DELAY)[0], settled.given_file(ZERO)[0]
+def _at_one_speed(found: Judged) -> tuple[float, float]:
+    """Zero [rad] and delay [s] of which each explains what both do, given the file exactly.
+
+    At one speed only their sum is known; given its tolerances the file's lengths and phases would take a share of it.
+    """
+    late, ahead = found.settled.given_file(DELAY)[0], found.settled.given_file(ZERO)[0]
+    speed = _speed(found)
     zero = _in_turn_of_encoder(found, ahead + late * speed)
+    return zero, zero / speed if ahead else late
+
+
+def _zero_or_delay(found: Judged, name: str) -> Cause:
+    sigma = _as_zero(found)[1]
+    zero, delay = _at_one_speed(found)
     if _is_turn_of_encoder(found, zero):
         return _plain_zero(found)
-    delay = late if not ahead else zero / speed
     text = (
         f"zero or delay: {math.degrees(zero):+.1f} deg or {delay * 1e3:.1f} ms{_or_inertia(found, delay)};"
         " the shaft turns at one speed here, a recording with a run-up would tell"
@@ -368,7 +379,7 @@ _ONE: dict[str, Callable[[Judged, str], Cause]] = {
 }
 
 
-def quantities(found: Judged, verdict: Iterable[Cause]) -> tuple[Quantity, ...]:
+def quantities(found: Judged, verdict: Sequence[Cause]) -> tuple[Quantity, ...]:
     """Estimates of reportable quantities, with standard deviations given the file's tolerances.
 
     Quantities named in the verdict are left out.

@@ -1,0 +1,43 @@
+"""An elastic shaft that is not that of its machine file: named with its stiffness, damping and drive, or not at all."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.benchmarks.elastic_shaft import changed
+from tests.generators.elastic_shaft import WideMachine
+from tests.twin.test_elastic_session import declared, record
+from textile_twin_core.comparison import Readings
+from textile_twin_core.comparison.shaft_departure import shaft_cause, shaft_departure
+from textile_twin_core.comparison.shaft_identification import DAMPING, STIFFNESS
+
+WIDE = WideMachine(0.06)
+
+
+def readings(gain: float = 1.0, late: int = 0) -> Readings:
+    """Return a recording of 4 s at 300 rpm, with a torque sensor of another gain that lags by samples."""
+    made = record(WIDE, 300.0)
+    torque = gain * made.measured_Nm[: made.measured_Nm.size - late]
+    return Readings(made.stamps_ns, made.encoder_rad, made.stamps_ns[late:], torque)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("stiffness", "damping"), [(1.03, 1.0), (0.95, 1.0), (1.0, 1.5)])
+def test_stiffness_and_damping_of_the_file_are_corrected(stiffness: float, damping: float) -> None:
+    machine = declared(WIDE, True)
+    wrong = changed(machine, stiffness, damping)
+    found = shaft_departure(readings(), wrong)
+    assert found is not None
+    true = WIDE.piece_stiffness_Nm_rad / WIDE.stations
+    assert found.parameters[STIFFNESS].value == pytest.approx(true, rel=0.005)
+    assert found.parameters[DAMPING].value == pytest.approx(WIDE.piece_damping_Nms_rad / WIDE.stations, rel=0.05)
+    cause = shaft_cause(found, wrong)
+    assert cause.cause == "elastic_shaft" and isinstance(cause.value, dict)
+    assert cause.value["first_mode_Hz"] == pytest.approx(112.17, rel=0.003)
+    assert ("stiffness" in cause.text) == (stiffness != 1.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("gain", "late"), [(1.0, 0), (1.1, 0), (-1.0, 0), (1.0, 2)])
+def test_sensors_are_not_taken_for_another_shaft(gain: float, late: int) -> None:
+    assert shaft_departure(readings(gain, late), declared(WIDE, True)) is None
