@@ -15,6 +15,7 @@ import pytest
 pytest.importorskip("rclpy")
 
 from geometry_msgs.msg import PointStamped, WrenchStamped
+from rclpy.duration import Duration
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, String
 from visualization_msgs.msg import MarkerArray
@@ -97,6 +98,34 @@ def test_the_whole_width_is_published(suite: Suite) -> None:
     assert moving == set(machine.joint_outputs)
     assert {round(marker.pose.position.z, 12) for marker in marked[0].markers} == {0.0, 0.4, 0.8}
     assert len({(marker.ns, marker.id) for marker in marked[0].markers}) == len(marked[0].markers) == 6
+
+
+def test_a_second_encoder_corrects_the_twist_as_offline(suite: Suite) -> None:
+    file = suite.folder / "narrow.yaml"
+    file.write_text(MACHINE + "  second_encoder_at: s3\n", encoding="utf-8")
+    suite.start("twin_node", f"machine:={file}", 'wait_for:=["twist_rad"]')
+    node = suite.node()
+    heard: list[Float64] = []
+    node.create_subscription(Float64, "twist_rad", heard.append, RELIABLE)
+    first = node.create_publisher(JointState, "main_shaft/angle", RELIABLE)
+    second = node.create_publisher(JointState, "main_shaft/second_angle", RELIABLE)
+    suite.spin_until(lambda: first.get_subscription_count() and second.get_subscription_count(), "subscriptions")
+    stamps, angles = shaft_angles(COUNT)
+    far = angles + 0.01 + 1e-3 * np.sin(angles)
+    for stamp, value in zip(stamps, far, strict=True):
+        second.publish(joint_state(stamp, value))
+    assert second.wait_for_all_acked(Duration(seconds=10))
+    suite.spin_for(1.0)
+    for stamp, value in zip(stamps, angles, strict=True):
+        first.publish(joint_state(stamp, value))
+
+    twin = ttc.compile(ttc.load_machine(file), outputs=["twist_rad"])
+    with_second, alone = twin.session(), twin.session().step(stamps, angles)
+    with_second.take_second(stamps, far)
+    offline = with_second.step(stamps, angles)
+    assert np.abs(offline["twist_rad"] - alone["twist_rad"]).max() > 1e-5
+    suite.spin_until(lambda: len(heard) >= len(offline), "all twists")
+    np.testing.assert_allclose([message.data for message in heard], offline["twist_rad"], rtol=0.0, atol=1e-9)
 
 
 def test_the_live_view_draws_every_linkage(suite: Suite) -> None:

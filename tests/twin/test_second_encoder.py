@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +15,9 @@ from tests.generators.elastic_shaft import TURN, Record, WideMachine, simulate
 from tests.twin.test_elastic_session import TORQUE, error_over_peak
 from textile_twin_core.errors import MachineError, SceneError
 from textile_twin_core.machine import Machine
+from textile_twin_core.recordings import BagWriter, open_bag
+from textile_twin_core.recordings.machine_topics import SECOND_ANGLE_TOPIC
+from textile_twin_core.recordings.replay import replay_bag
 from textile_twin_core.twin import Samples
 
 WIDE = WideMachine(0.06)
@@ -82,6 +86,30 @@ def test_blocks_of_any_size_give_the_same_numbers() -> None:
         session.take_second([stamp], [other])
         torques += [sample.outputs[TORQUE] for sample in session.step_one(stamp, near)]
     np.testing.assert_allclose(torques, whole[TORQUE], rtol=0.0, atol=1e-9 * np.abs(whole[TORQUE]).max())
+
+
+def test_a_second_encoder_may_fall_silent() -> None:
+    made, half = record(), 1500
+    whole = both(1.05, made.stamps_ns[:half], far_angle(made)[:half])
+    session = ttc.compile(machine(1.05), outputs=(TORQUE,)).session()
+    session.take_second(made.stamps_ns[:half], far_angle(made)[:half])
+    parts = [slice(begin, begin + 100) for begin in range(0, made.stamps_ns.size, 100)]
+    torques = [session.step(made.stamps_ns[part], made.encoder_rad[part])[TORQUE] for part in parts]
+    np.testing.assert_allclose(
+        np.concatenate(torques), whole[TORQUE], rtol=0.0, atol=1e-9 * np.abs(whole[TORQUE]).max()
+    )
+
+
+def test_replay_uses_the_second_encoder_of_the_recording(tmp_path: Path) -> None:
+    made = record()
+    with BagWriter(tmp_path / "bag") as out:
+        for topic, angles in (("main_shaft/angle", made.encoder_rad), (SECOND_ANGLE_TOPIC, far_angle(made))):
+            out.write_joint_states(topic, made.stamps_ns, ["main_shaft"], angles)
+    with BagWriter(tmp_path / "replayed") as out:
+        assert replay_bag(open_bag(tmp_path / "bag"), out, machine(1.05)).notes == []
+    predicted = open_bag(tmp_path / "replayed").read_torques("balancing_torque/predicted").torque_Nm
+    whole = both(1.05, made.stamps_ns, far_angle(made))[TORQUE]
+    np.testing.assert_allclose(predicted, whole, rtol=0.0, atol=1e-9 * np.abs(whole).max())
 
 
 def test_what_is_refused() -> None:

@@ -11,11 +11,11 @@ from textile_twin_core.comparison.readings import SecondAngle
 from textile_twin_core.machine import AnyMachine
 from textile_twin_core.recordings import open_bag
 from textile_twin_core.recordings.bag import Bag
-from textile_twin_core.recordings.machine_topics import SECOND_ANGLE_TOPIC, unit_notes
+from textile_twin_core.recordings.machine_topics import unit_notes
+from textile_twin_core.recordings.prediction import second_angles
 from textile_twin_core.recordings.recorded_clock import clock_notes, on_one_clock
 from textile_twin_core.recordings.sample_times import evenly_timed, evenly_timed_angles
 from textile_twin_core.recordings.samples import AngleSamples, TorqueSamples
-from textile_twin_core.twin.session import has_second_encoder
 
 
 def read_angles(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Bag, AngleSamples]:
@@ -55,12 +55,9 @@ def read_samples(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[Ba
 
 def read_second(arguments: argparse.Namespace, machine: AnyMachine, bag: Bag) -> SecondAngle | None:
     """Read the second encoder's angles if machine and recording have one."""
-    if not has_second_encoder(machine):
-        return None
-    seen = topics_of(arguments).read_second_angles(bag)
-    if seen is None:
-        tell(f"the recording has no topic {SECOND_ANGLE_TOPIC}: the second encoder is not used")
-    return None if seen is None else SecondAngle(seen.stamps, seen.angles_rad)
+    second, missing = second_angles(topics_of(arguments), bag, machine)
+    tell(*missing)
+    return second
 
 
 def readings_of(angles: AngleSamples, measured: TorqueSamples, second: SecondAngle | None = None) -> Readings:

@@ -11,13 +11,14 @@ from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.comparison.readings import SecondAngle
 from textile_twin_core.comparison.shaft_track import ShaftTrack, track_of
 from textile_twin_core.errors import RecordingError
-from textile_twin_core.machine import Machine
+from textile_twin_core.machine import AnyMachine, Machine
 from textile_twin_core.recordings.bag import Bag
-from textile_twin_core.recordings.machine_topics import beside
+from textile_twin_core.recordings.machine_topics import SECOND_ANGLE_TOPIC, MachineTopics, beside
 from textile_twin_core.recordings.predicted_topics import TORQUE
 from textile_twin_core.recordings.recording import Progress
 from textile_twin_core.recordings.samples import AngleSamples, TorqueSamples
 from textile_twin_core.twin import Samples, Session, compile_machine
+from textile_twin_core.twin.session import has_second_encoder
 
 _BLOCK = 8192
 _OTHER_MACHINE = 0.05
@@ -47,6 +48,16 @@ class PredictedTorque:
     rejected: Mapping[str, int]
     notes: tuple[str, ...] = ()
     track: ShaftTrack | None = None
+
+
+def second_angles(topics: MachineTopics, bag: Bag, machine: AnyMachine) -> tuple[SecondAngle | None, tuple[str, ...]]:
+    """Read the second encoder's angles if machine and recording have one, with a note if the recording lacks them."""
+    if not has_second_encoder(machine):
+        return None, ()
+    seen = topics.read_second_angles(bag)
+    if seen is None:
+        return None, (f"the recording has no topic {SECOND_ANGLE_TOPIC}: the second encoder is not used",)
+    return SecondAngle(seen.stamps, seen.angles_rad), ()
 
 
 def predictions(

@@ -14,7 +14,7 @@ from textile_twin_core.recordings.bag_write import BagWriter
 from textile_twin_core.recordings.cdr_encode import encode_string
 from textile_twin_core.recordings.machine_topics import MachineTopics, namespace_of, unit_notes
 from textile_twin_core.recordings.predicted_topics import TORQUE, PredictedTopics, predicted_topics
-from textile_twin_core.recordings.prediction import predictions
+from textile_twin_core.recordings.prediction import predictions, second_angles
 from textile_twin_core.recordings.recorded_clock import clock_notes, on_one_clock
 from textile_twin_core.recordings.recording import Progress
 from textile_twin_core.recordings.rosbag2_metadata import LATCHED
@@ -52,7 +52,8 @@ def replay_bag(
 
     The topics are those of the live twin (see predicted_topics): balancing_torque/predicted and predicted_sigma,
     positions such as needle/position, joint_states, robot_description of a linkage. With a measured torque in the
-    recording, balancing_torque/residual is added at its stamps. The namespace of the angle topic applies to all. Topics
+    recording, balancing_torque/residual is added at its stamps. A second encoder's angles correct the twist of an
+    elastic shaft. The namespace of the angle topic applies to all. Topics
     of these names in the recording are not copied.
     """
     recorded = recorded or MachineTopics()
@@ -78,11 +79,12 @@ def replay_bag(
         angles, timings = evenly_timed_angles(angles, machine)
     clocks = [*clocks, *(timing.text for timing in timings)]
     session = compile_machine(machine, topics.outputs).session(shaft, **shaft_settings)
-    for samples in predictions(session, angles, progress):
+    second, missing = second_angles(recorded, bag, machine)
+    for samples in predictions(session, angles, progress, second):
         writer.write(samples, recorded_stamps[samples.index])
         if residual is not None:
             residual.write(samples)
-    return Replay(session.report, out.counts, [*unit_notes(angles), *clocks])
+    return Replay(session.report, out.counts, [*unit_notes(angles), *clocks, *missing])
 
 
 class _Predictions:

@@ -49,7 +49,8 @@ class SecondReadings:
         used = np.maximum(latest, 0)
         late = stamps - known[used]
         late = late * 1e-9 if np.issubdtype(late.dtype, np.integer) else late
-        self._parts = [(known[latest[-1] + 1 :], angles[latest[-1] + 1 :])]
+        rest = slice(latest[-1] + 1, None)
+        self._parts = [(known[rest], angles[rest])] if known[rest].size else []
         return np.where(fresh, angles[used] - TURN * origin_turns, np.nan), np.asarray(late, np.float64)
 
     def reset(self) -> None:

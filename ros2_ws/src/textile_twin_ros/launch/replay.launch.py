@@ -30,7 +30,7 @@ from textile_twin_core.recordings import open_bag
 from textile_twin_ros.machine import load_machine
 from textile_twin_ros.twin_outputs import topics_of
 
-INPUTS = ["main_shaft/angle", "balancing_torque/measured"]
+INPUTS = ["main_shaft/angle", "main_shaft/second_angle", "balancing_torque/measured"]
 # Queues hold some minutes of 500 Hz: a busy computer then delays but loses nothing.
 DEPTH = 100_000
 # A lost message is sent again after three seconds, by Fast DDS's own settings: a pause of that is no end.

@@ -45,8 +45,9 @@ _OF_A_MACHINE = (
     "balancing_torque/predicted",
 )
 INDEX = "main_shaft/index"
+SECOND_ANGLE = "main_shaft/second_angle"
 #: What sensors tell of a machine, and what its twin does.
-INPUTS = ("main_shaft/angle", INDEX, "balancing_torque/measured")
+INPUTS = ("main_shaft/angle", INDEX, SECOND_ANGLE, "balancing_torque/measured")
 #: Published once, for late listeners too.
 DESCRIPTIONS = ("robot_description", "markers")
 OUTPUTS = (

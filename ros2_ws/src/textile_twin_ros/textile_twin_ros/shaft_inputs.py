@@ -31,6 +31,7 @@ from textile_twin_core.twin.encoder_reference import reference_of
 from textile_twin_core.twin.restart import RestartWatch
 from textile_twin_ros.diagnostics import Status
 from textile_twin_ros.health import Finding, unit_findings
+from textile_twin_ros.own_topics import SECOND_ANGLE
 from textile_twin_ros.sample_inputs import ANGLE_READERS, EDGES, TORQUE_READERS, Sample, SampleInput
 from textile_twin_ros.sensor_parameters import SensorParameters
 
@@ -111,6 +112,28 @@ class AngleInput(SampleInput):
     def _pass_on(self, block: list[Sample]) -> None:
         if block:
             super()._accept(block)
+
+
+class SecondAngleInput(SampleInput):
+    """The topic `main_shaft/second_angle` of a second encoder on an elastic shaft, in the unit of the first one.
+
+    Args:
+        node: the node that listens.
+        settings: its parameters.
+        depth: messages that may wait.
+        take: called with blocks of samples: angles as the encoder measures them.
+    """
+
+    def __init__(
+        self, node: Node, settings: SensorParameters, depth: int, take: Callable[[list[Sample]], None]
+    ) -> None:
+        self._unit = self.angle_unit_rad = settings.angle_unit_rad
+        kind = ANGLE_READERS["joint_state" if settings.angle_type == "edges" else settings.angle_type]
+        common = (settings.joint, depth, settings.qos_reliability, lambda: settings.no_data_timeout_s)
+        super().__init__(node, SECOND_ANGLE, kind, *common, take)
+
+    def _accept(self, block: list[Sample]) -> None:
+        super()._accept([(stamp, angle * self._unit, speed) for stamp, angle, speed in block])
 
 
 class TorqueInput(SampleInput):

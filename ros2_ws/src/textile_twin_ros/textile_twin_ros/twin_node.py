@@ -31,16 +31,17 @@ from std_srvs.srv import Trigger
 from textile_twin_core.errors import SceneError, TwinError
 from textile_twin_core.machine import AnyMachine
 from textile_twin_core.twin.encoder_reference import check_reference
+from textile_twin_core.twin.session import has_second_encoder
 from textile_twin_ros.description import Description
 from textile_twin_ros.diagnostics import OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for, publisher_name, refuse_own_outputs
 from textile_twin_ros.health import Finding, MeasuredTorque, judged
 from textile_twin_ros.machine import load_machine
-from textile_twin_ros.own_topics import DESCRIPTIONS, INDEX, INPUTS
+from textile_twin_ros.own_topics import DESCRIPTIONS, INDEX, INPUTS, SECOND_ANGLE
 from textile_twin_ros.parameters import declare, parameter
 from textile_twin_ros.sample_inputs import Sample
 from textile_twin_ros.sensor_parameters import SensorParameters
-from textile_twin_ros.shaft_inputs import AngleInput, TorqueInput
+from textile_twin_ros.shaft_inputs import AngleInput, SecondAngleInput, TorqueInput
 from textile_twin_ros.spinning import EXECUTORS, call_every, ends_at_once, is_refusal, run
 from textile_twin_ros.twin_outputs import topics_of
 from textile_twin_ros.twin_stream import TwinStream
@@ -107,6 +108,7 @@ class TwinNode(LifecycleNode):
         self._machine: AnyMachine | None = None
         self._angle: AngleInput | None = None
         self._torque: TorqueInput | None = None
+        self._second: SecondAngleInput | None = None
         self._description: Description | None = None
         self._measured = MeasuredTorque()
         self._active = False
@@ -150,7 +152,8 @@ class TwinNode(LifecycleNode):
             unknown = [topic for topic in settings.wait_for if topic not in outputs]
             if unknown:
                 raise TwinError(f"parameter 'wait_for': no output '{unknown[0]}'; there are {', '.join(outputs)}")
-            inputs = INPUTS if settings.index else tuple(name for name in INPUTS if name != INDEX)
+            used = {INDEX: settings.index, SECOND_ANGLE: has_second_encoder(machine)}
+            inputs = tuple(name for name in INPUTS if used.get(name, True))
             refuse_own_outputs(self, inputs, (*outputs, *DESCRIPTIONS, "/diagnostics"))
             depth = settings.qos_depth or depth_for(settings.rate_hz)
             estimator = {"shaft_lag_s": settings.shaft_lag_s} if settings.shaft == "lag" else {}
@@ -177,6 +180,8 @@ class TwinNode(LifecycleNode):
         depth = settings.qos_depth or depth_for(settings.rate_hz)
         self._angle = AngleInput(self, settings, self._machine, depth, stream.take_angles)
         self._torque = TorqueInput(self, settings, depth, self._on_torques)
+        if has_second_encoder(self._machine):
+            self._second = SecondAngleInput(self, settings, depth, stream.take_second_angles)
         self._active = True
         result = super().on_activate(state)
         self.get_logger().info(f"{settings.machine}: predicting from {self._angle.name}, estimator {settings.shaft}")
@@ -214,10 +219,10 @@ class TwinNode(LifecycleNode):
 
     def _stop_listening(self) -> None:
         self._active = False
-        for source in (self._angle, self._torque):
+        for source in (self._angle, self._torque, self._second):
             if source is not None:
                 source.destroy()
-        self._angle = self._torque = None
+        self._angle = self._torque = self._second = None
 
     def _on_torques(self, block: list[Sample]) -> None:
         if self._stream is not None and self._active:
@@ -238,6 +243,8 @@ class TwinNode(LifecycleNode):
         if self._active and self._angle is not None and self._torque is not None:
             self._angle.renew()
             self._torque.renew()
+            if self._second is not None:
+                self._second.renew()
             # A flush ends the estimator's record, which a mere pause must not do.
             ended = self._angle.watch.received and self._angle.watch.silent_s > _ENDED_S
             if self.settings.shaft == "lag" and ended and not self._angle.has_publishers():
@@ -250,6 +257,8 @@ class TwinNode(LifecycleNode):
             return [Status("twin", WARN, text)]
         report = stream.report
         statuses = [*angle.statuses(stream.sample_counts(report)), stream.estimator_status(self.settings.shaft, report)]
+        if self._second is not None:
+            statuses.append(self._second.status())
         if torque.watch.received or torque.has_publishers():
             statuses.append(torque.status())
             both_come = max(angle.watch.silent_s, torque.watch.silent_s) < _ENDED_S
@@ -282,6 +291,8 @@ class TwinNode(LifecycleNode):
         self._stream.reset()
         self._angle.restart()
         self._torque.restart()
+        if self._second is not None:
+            self._second.restart()
         response.success, response.message = True, "estimator, residuals and counts begin anew"
         return response
 

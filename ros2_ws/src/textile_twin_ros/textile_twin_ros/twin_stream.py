@@ -29,7 +29,7 @@ from textile_twin_core.comparison.residual import Residual, ResidualStream, load
 from textile_twin_core.machine import AnyMachine
 from textile_twin_core.shaft import SampleReport
 from textile_twin_core.twin.restart import RestartWatch
-from textile_twin_core.twin.session import Sample
+from textile_twin_core.twin.session import Sample, has_second_encoder
 from textile_twin_ros import contact_events
 from textile_twin_ros.diagnostics import OK, WARN, Status
 from textile_twin_ros.endpoints import samples_qos
@@ -79,6 +79,7 @@ class TwinStream:
         self._has_history = machine.has_history
         self._idle = self._compile(self._needs(self._outputs) if self._has_history else ())
         self._has_torque = machine.tells_torque
+        self._has_second = has_second_encoder(machine)
         jumps = load_steps(self._compile((TORQUE,))) if self._has_torque else ()
         self._residuals = ResidualStream(machine.sensors.torque, jumps)
         self._recent_residuals = Recent()
@@ -153,6 +154,12 @@ class TwinStream:
                 self._residuals.reset()
                 begin = number
         self._predict(block[begin:])
+
+    def take_second_angles(self, block: list[tuple[int, float, float]]) -> None:
+        """Give the session readings of a second encoder: stamp [ns], angle [rad]."""
+        self._session.take_second(
+            np.array([stamp for stamp, *_ in block], np.int64), np.array([angle for _, angle, _ in block])
+        )
 
     def _predict(self, block: list[tuple[int, float, float]]) -> None:
         if len(block) < 2 or (self._at_once and not self._wants_sigma):
@@ -240,6 +247,8 @@ class TwinStream:
             "warming up: what is compiled takes up to a minute once on a computer, then a second"
         )
         self._session.use(self._compile(self._needs(self._outputs)))
+        if self._has_second:
+            self.take_second_angles([(2_000_000, 0.03, math.nan), (6_000_000, 0.09, math.nan)])
         for first, count in ((0, 1), (1, 1), (2, 1), (3, 20)):
             number = np.arange(first, first + count)
             samples = self._session.step(number * 2_000_000, number * 0.03)
