@@ -1,4 +1,9 @@
-"""Observer of an elastic shaft: readings of one encoder or two in, motion of all stations and torques of pieces out."""
+"""Observer of an elastic shaft: readings of one encoder or two in, motion of all stations and torques of pieces out.
+
+An `ElasticPredictor` owns one observer, for live samples and for recordings, in one thread. docs/driveline.md has
+accuracy and cost of a sample. tests/twin/test_elastic_session.py and test_second_encoder.py compare it with independent
+integrations.
+"""
 
 from __future__ import annotations
 
@@ -34,9 +39,9 @@ _STABLE = 0.9
 _FREQUENCY_ERROR = 5e-4
 """Relative error of the first natural frequency that the time step may leave."""
 _MOBILITY_SIGMA = 0.3
-"""Prior standard deviation of beta over its largest possible value: any drive inertia."""
+"""Prior standard deviation of beta = 1 / (all inertia), over its largest possible value: any drive inertia."""
 _SLIP_SIGMA = 100.0
-"""Prior standard deviation of lambda [1/s]: any drive from open loop to a stiff speed loop."""
+"""Prior standard deviation of lambda = slip * beta [1/s]: any drive from open loop to a stiff speed loop."""
 _WAIT_PERIODS = 10.0
 """Periods of the first mode after which an unknown drive is estimated."""
 _RINGING = math.log(100.0)
@@ -44,6 +49,7 @@ _RINGING = math.log(100.0)
 _SWEEP, _SWEEP_S, _SAMPLE_S = (0.5, 3.0), 3.0, 1e-3
 """Speeds over the nominal one, duration and sampling of the sweep in which the error of the time step is measured."""
 _FINER = 4
+"""Factor on the substeps in the reference run of that sweep."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +84,8 @@ class ShaftObserver:
 
     The chain is the process model, with the drive's disc free. Corrections shift all stations alike. A bank of Kalman
     filters (`drive_bank`) estimates them, the drive's torque, and inertia and slip where the machine leaves them out.
-    A second encoder corrects the twist (`second_encoder`).
+    A second encoder corrects the twist (`second_encoder`); while it is silent, its filters predict the correction.
+    After a gap, and where the track is lost, the chain restarts from the shaft estimator's motion.
 
     Args:
         elastic: The shaft, from `elastic_shaft`.
@@ -103,6 +110,7 @@ class ShaftObserver:
         self._inertia = elastic.mean_inertia_kgm2.copy()
         self._inertia[drive] -= (shaft.drive.inertia_kgm2 or 0.0) * self._gear
         least = elastic.least_inertia_kgm2
+        # A chain of springs k has eigenvalues up to 4 k: within this bound the corrected inertia stays positive.
         self._most_lead = 0.25 * _STABLE * np.minimum(least[:-1], least[1:]) / elastic.chain.stiffness
         self.reset()
 
@@ -113,6 +121,7 @@ class ShaftObserver:
             return self._given
         first, ratio = self._first_mode()
         full = float(np.sqrt(self._most_lead / LEAD).min())
+        # Midpoint rule: relative frequency error (w h)^2 / 12, corrected up to h = full (Fox and Goodwin 1949).
         step = math.sqrt(full**2 + 12.0 * _FREQUENCY_ERROR / first**2)
         return ObserverScales(first, ratio, step, self._numeric_error(step))
 
@@ -152,7 +161,7 @@ class ShaftObserver:
         return float(np.sqrt(np.mean((found[0] - found[1]) ** 2))) / mean if mean > 0.0 else 0.0
 
     def _chain(self, step: float) -> ShaftChain:
-        """The chain with arrays of its own where the drive is, its natural frequencies corrected for a substep."""
+        """The chain with natural frequencies corrected for a substep, and its own copy of what the drive changes."""
         chain = self.elastic.chain
         lead = np.minimum(LEAD, self._most_lead / step**2)
         return chain._replace(inertia=chain.inertia.copy(), viscous=chain.viscous.copy(), lead=lead)
@@ -196,18 +205,18 @@ class ShaftObserver:
             self._observer[name] = value
 
     def restart(self) -> None:
-        """Restart a record with the estimate of the drive."""
+        """Begin another record: reset the motion; the estimated drive and the second encoder's zero remain."""
         for name in ("still", "interval", "torque_square"):
             self._observer[name] = 0.0
         self._observer["mode"] = FOLLOWING
 
     def repeat(self) -> None:
-        """Begin the same record again: as `restart`, with the zero of a second encoder fixed at its mean."""
+        """Begin the same record a second time: as `restart`, with the second encoder's zero fixed at its mean."""
         self.restart()
         hold_zero(self._second)
 
     def take(self, readings: ShaftReadings) -> Observed:
-        """Take readings in their order, in blocks of any size."""
+        """Take readings (from `shaft_readings`) in the order of their stamps, in blocks of any size."""
         count = readings.step.size
         found, out = records(STATE, count), outputs(count, self.elastic.stations)
         observe_readings(

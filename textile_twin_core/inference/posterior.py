@@ -1,4 +1,10 @@
-"""Posterior of a record: discrete settings, values with standard deviations, and departures from the file."""
+"""Posterior of a record: discrete settings, values with standard deviations, and departures from the file.
+
+Sets of departures compete by their evidence (Laplace's approximation, see `evidence`) about robust fits (`map_fit`).
+All values are in the unit of their `ModelParameter`. `comparison/assessment.py` calls `infer` for whole recordings,
+never live; its time goes into fits of at most `MOST_SAMPLES` samples, or of block averages.
+tests/comparison/test_verdict.py compares with mistakes of known size.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +40,7 @@ _ROUNDS = 5
 IMPLAUSIBLE_NATS = 30.0
 """Prior cost of the departures above which another machine is likelier."""
 _HYPOTHESES, _AS_GOOD = 3, 0.01
-"""Most discrete hypotheses searched while all are implausible; share by which one may explain less than the best."""
+"""Number of discrete hypotheses to search while all are implausible; share of variance that a later one may lack."""
 _BESIDE_ZERO = (GAIN, DRIFT, COULOMB, OFFSET)
 """Departures that stay when zero and delay are exchanged."""
 
@@ -46,7 +52,7 @@ class Posterior:
     Attributes:
         measurement: record, model and parameters.
         configured: discrete settings and sensor of the machine file.
-        fit: values and their covariance, under wide priors for departures and tolerances for all others.
+        fit: values and their covariance; the prior is wide for a departure and the tolerance for any other parameter.
         choice: the parameters that depart, and sets of departures that explain the record equally well.
         log_evidence: of the choice at its own fit.
         others: other discrete hypotheses, likeliest first.
@@ -74,7 +80,7 @@ class Posterior:
         return self.measurement.parameters[self.measurement.place[name]]
 
     def value(self, name: str) -> float:
-        """Value of a parameter; for a sensor its departure (for the gain see `gain_factor`)."""
+        """Value of a parameter. For a sensor it is the departure from `hypothesis`; for the gain see `gain_factor`."""
         return float(self.fit.x[self.measurement.place[name]])
 
     def departure(self, name: str) -> float:
@@ -102,6 +108,7 @@ class Posterior:
     @property
     def explained(self) -> float:
         """Share of the torque's variance that the values explain, sample by sample."""
+        # the model is shared and may be linearised about another fit
         self.measurement.model.linearise(self.measurement.values(self.fit.x), self.departing)
         residual, good = self.measurement.residual(self.hypothesis, self.fit.x)
         torque = self.measurement.record.torque_Nm[good]
@@ -126,9 +133,10 @@ def infer(
         record: torque samples of the turning shaft and its motion.
         machine: the machine of the file.
         configured: sensor settings of the file.
-        ratios: gear ratios to try, beside the configured one.
+        ratios: gear ratios to try, beside the configured one; the default has those of small whole numbers.
 
-    Returns the posterior, or None when no hypothesis gives a fit.
+    Returns:
+        The posterior, or None when no hypothesis gives a fit.
     """
     measurement = _measurement(record, machine, configured)
     fits = hypotheses(measurement, configured, ratios)
@@ -150,7 +158,7 @@ def infer(
 def _likelier_without_unit(found: Posterior, fits: list[Fit]) -> Posterior:
     """Return the posterior in the configured unit instead of another one, if that is likelier.
 
-    A factor near that of a unit may be due to a wrong number of the file, which the fits of the hypotheses lack.
+    A wrong mass of the file, say, can scale the torque as another unit does; the ranking of hypotheses frees no mass.
     """
     m, h = found.measurement, found.hypothesis
     gain = math.copysign(found.configured.gain, h.gain)
@@ -174,16 +182,17 @@ def _distinct(fits: list[Fit]) -> list[Fit]:
 
 
 def _measurement(record: Record, machine: Machine, configured: Hypothesis) -> Measurement:
+    """Return the measurement; priors scale with the working torque, which a model with unscaled priors predicts."""
     speed = abs(record.speed_rad_s * configured.turn)
-    nothing, held = parameters(machine, WorkingPoint(1.0, speed, 1.0))
-    model = TabulatedTorque(machine, nothing, held)
-    measurement = Measurement(record.thinned(MOST_SAMPLES) if not record.block_s else record, model, nothing, 1.0)
+    unscaled, held = parameters(machine, WorkingPoint(1.0, speed, 1.0))
+    model = TabulatedTorque(machine, unscaled, held)
+    measurement = Measurement(record.thinned(MOST_SAMPLES) if not record.block_s else record, model, unscaled, 1.0)
     seen = measurement.expected(configured, measurement.nominal)
     torque = np.abs(seen.torque_Nm[seen.good] - configured.offset_Nm) / abs(configured.gain)
     scale = max(float(np.percentile(torque, 95.0)) if torque.size else 0.0, 1e-9)
     inertia = max(model.mean_inertia + sum(b.inertia_kgm2 for b in machine.bodies if b.is_flywheel), 1e-12)
-    known, _ = parameters(machine, WorkingPoint(scale, speed, inertia))
-    return Measurement(measurement.record, model, known, scale)
+    scaled, _ = parameters(machine, WorkingPoint(scale, speed, inertia))
+    return Measurement(measurement.record, model, scaled, scale)
 
 
 class _Search:
@@ -241,7 +250,7 @@ class _Search:
         return value, fit, departing
 
     def _ends(self, first: Departures) -> list[tuple[Departures, FloatArray]]:
-        """Return both ends of the valley of zero and delay at one speed."""
+        """Return two starts, delay alone and zero alone: at one speed only zero + speed * delay is identifiable."""
         m = self.measurement
         zero, delay = float(self.top.x[m.place[ZERO]]), float(self.top.x[m.place[DELAY]])
         ends = (DELAY, delay + zero / self.speed), (ZERO, math.remainder(zero + delay * self.speed, TURN))
@@ -253,7 +262,7 @@ class _Search:
         return out
 
     def _without(self, fit: Fit, departing: Departures, name: str) -> list[tuple[Departures, FloatArray]]:
-        """Return the set without a departure, and with zero and delay exchanged."""
+        """Return starts without the departure `name`; for zero or delay also with the other in its place."""
         m = self.measurement
         k = m.place[name]
         x = fit.x.copy()

@@ -1,4 +1,11 @@
-"""RRR dyad: coupler and rocker, two links with three turning joints (Assur group of class II, first kind)."""
+"""RRR dyad: coupler and rocker, two links with three turning joints (Assur group of class II, first kind).
+
+Triangle of the code: `a` (from_point) and `c` (ground) are the outer joints, the end is the apex; l2 and l3 are the
+lengths of coupler and rocker, u2 and u3 their directions from `a` and `c` to the end. Lengths are in metres, in the
+machine's fixed frame. Each `Expr` is a formula over theta, built once per machine and evaluated at each sample:
+closed forms need no iteration and have exact derivatives. `check_assembly` raises MachineError where a closure opens.
+tests/mechanism/test_hard_cases.py compares with 60 digits.
+"""
 
 from __future__ import annotations
 
@@ -102,7 +109,7 @@ class RRRDyad(PlainGroup):
             )
 
     def _directions(self, a: PointMotion, c: PointMotion) -> tuple[Vector, Vector]:
-        """Express the unit vectors of coupler and rocker from the triangle over the line of the outer joints."""
+        """Express u2 and u3 by the apex over the line d from `a` to `c`: its foot lies at (1 + share) / 2 of d."""
         (l2, l3), four_bar, squared = self.lengths_m, self._four_bar(a, c), self.distance_squared(a, c)
         if four_bar is None:
             share = ((l2 - l3) * (l2 + l3)) / squared
@@ -112,7 +119,7 @@ class RRRDyad(PlainGroup):
         d, frame = c.position - a.position, (1.0, 0.0)
         if four_bar is not None and four_bar.ends_nearly_meet:
             d = four_bar.apart
-        elif four_bar is not None:  # in the frame of the ground line the crank's half angle suffices
+        elif four_bar is not None:  # in the frame of the ground line d is a function of the crank's half angle alone
             d, frame = four_bar.apart_from_ground_line, four_bar.ground_direction
         along, normal = self.root(a, c) * (1.0 / squared), d.turned_left()
         u2 = ((0.5 / l2) * more) * d + ((0.5 / l2) * along) * normal
@@ -136,7 +143,10 @@ class RRRDyad(PlainGroup):
         return self.branch.endswith("passing")
 
     def _rates(self, a: PointMotion, c: PointMotion, u2: Vector, u3: Vector) -> Rates:
-        """Solve the derivatives of the links' angles from the loop closure, for any motion of the outer joints."""
+        """Solve the links' rates p and q by theta from a + l2 u2 = c + l3 u3, differentiated once and twice.
+
+        The product of the first derivative with u3 removes the rocker's rate, that with u2 the coupler's.
+        """
         l2, l3 = self.lengths_m
         inverse = 2.0 / self.root(a, c)  # 1 / (l2 l3 sin)
         stretched, folded = self.heron_factors(a, c)
@@ -167,7 +177,7 @@ class RRRDyad(PlainGroup):
         )
 
     def transmission(self, motion: Motion, smallest: Sequence[float]) -> Transmission:
-        """Take the angle between coupler and rocker; the distance is that from the position in one line."""
+        """Return the range of the angle between coupler and rocker, and the distance to the position in one line."""
         stretched, folded = (max(value, 0.0) for value in smallest)
         (l2, l3), whole = self.lengths_m, 4.0 * self.lengths_m[0] * self.lengths_m[1]
         longest, shortest = l2 + l3, abs(l2 - l3)

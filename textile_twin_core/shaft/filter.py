@@ -1,4 +1,10 @@
-"""Recursion shared by all views: for each sample predict, gate, update filters and models, adapt the noise."""
+"""Recursion shared by all views: for each sample predict, gate, update filters and models, adapt the noise.
+
+The estimators `causal` and `smooth` call `run_filter`, the estimator `lag` calls `process_sample`; live nodes and
+recordings run the same compiled code. `status` declares the fields of a status and of a row. docs/shaft.md has the
+method, its sources, the cost of a sample and the accuracy. tests/shaft/test_beside_the_textbook.py compares the
+states with textbook filters tuned to each record, test_accuracy.py with known motions.
+"""
 
 from __future__ import annotations
 
@@ -18,16 +24,15 @@ from textile_twin_core.shaft.turns import TURN, split_turn
 from textile_twin_core.shaft.unwrapping import USUAL_STEP, begin_unwrapping, unwrap_move, unwrap_reading
 
 LARGEST = 1e12  # angle [rad] and stamp [s]: larger ones are no motion, and their squares would overflow
-# [1/rad] the gate: density of outliers, one sample in 130 within a radian, without the constant 0.38 of Student's t
+# density of outliers in the gate [1/rad]; densities omit the constant 0.38 of Student's t: 0.02 * 0.38 = 1 / 130
 OUTLIER_DENSITY = 0.02
 GAP_SAMPLES = 50.0  # intervals without a sample that make a gap
 MAX_SPREAD = 1.0 / 6.0  # sigma of a predicted angle, in periods, from which the turn of a wrapped angle is ambiguous
-# of a converged state, relative to the speed; that at least, as part of full speed
+# largest speed sigma of a converged state, over the speed; least speed in that rule, over the highest speed so far
 MAX_SPEED_SIGMA, LEAST_SPEED = 0.25, 0.3
 ROUNDED_APART = 1.3  # encoder steps beyond the predicted move from which two rounding errors are uncorrelated
-MAX_STEP_INNOVATION = (  # moves per interval; a rejected reading within it still counts for the encoder's step
-    1.5  # moves per interval, innovation up to which a rejected measurement still tells the encoder's step
-)
+# innovation, in moves per interval, up to which a rejected reading still counts for the encoder's step
+MAX_STEP_INNOVATION = 1.5
 BUNCHED = 0.1  # part of the mean interval: readings closer in time arrived late, together, and are not used
 MOST_GAIN = 0.2  # maximum weight of a single move in their mean
 FORGET_NOISE = 0.9  # decay, per sample, of the noise that the process noise is relative to
@@ -60,7 +65,10 @@ def run_filter(record: Records, block: Block, table: Records) -> int:
 
 @compiled_in_place
 def process_sample(record: Records, block: Block, i: int, row: Record) -> bool:
-    """Filter sample `i` of a block and fill its row; return whether it was accepted."""
+    """Filter sample `i` of a block and fill its row; return whether it was accepted.
+
+    An outlier is accepted, too: its row has the predicted state and `noise` 0. `_admit` has the causes of a rejection.
+    """
     status, stamp, angle = record[0], block.stamps[i], block.angles[i]
     block.unwrapped[i] = math.nan
     if not _admit(status, block.last, stamp, angle):
@@ -97,7 +105,7 @@ def process_sample(record: Records, block: Block, i: int, row: Record) -> bool:
         row.interval = status.interval
         if confirmed and row.cut == 0.0 and row.noise > 0.0:
             row.cut = MANOEUVRE
-    # Sampling in step with the encoder may skip one of its steps: rejected readings within a move count here as well.
+    # Samples at the rate of the encoder's steps may skip a step and look like outliers: within a move they count, too.
     if row.noise > 0.0 or abs(row.reading - status.angle) <= MAX_STEP_INNOVATION * abs(status.speed) * status.interval:
         block.unwrapped[i] = row.reading
     return True
@@ -124,9 +132,9 @@ def _process_reading(record: Records, step: float, raw: float, row: Record) -> N
     """Process a reading from the third on, `raw` [rad] before unwrapping, `step` [s] after the one before."""
     status = record[0]
     status.bunched = status.bunched + 1.0 if step < BUNCHED * status.interval else 0.0
-    # More than `most` in a row: the interval before was a pause. An edge is stamped as it passes.
+    # More than `most` in a row did not arrive late: the rate rose after a pause. Edges are stamped as they pass.
     most = 1.0 if status.edges > 0.0 else measurement_noise.SETTLING
-    bunched, quicker = 0.0 < status.bunched <= most, status.bunched > most
+    bunched, rate_rose = 0.0 < status.bunched <= most, status.bunched > most
     if not bunched:
         status.since += 1.0
         status.since_slip += 1.0
@@ -147,7 +155,7 @@ def _process_reading(record: Records, step: float, raw: float, row: Record) -> N
     if status.repeat_share > measurement_noise.REPEATING:
         longest *= 1.0 + status.longest_repeat
     aliased = status.period > 0.0 and 2.0 * abs(status.speed) * longest > status.period
-    # Speeds above half a period per interval are ambiguous in a wrapped angle; a gap right after a gap was none.
+    # Above half a period per interval the turn is ambiguous. A gap just after an initiation: its interval was wrong.
     begins = (aliased and not bunched) or (gap and status.since <= 1.0)
     if begins or bunched:
         reading = unwrap_reading(status, raw, status.last_reading if begins else expected)
@@ -160,10 +168,10 @@ def _process_reading(record: Records, step: float, raw: float, row: Record) -> N
         status.additive, status.sense, rate = 0.0, 0.0, (reading - status.last_reading) / step
     elif not bunched and outlier_gate.is_runaway(status, reading - status.last_reading, step):
         status.fastest, rate = 0.0, math.copysign(status.travel, status.large_move) / status.interval
-    elif quicker:
+    elif rate_rose:
         rate = (reading - status.last_reading) / step
     if not math.isnan(rate):
-        status.losses += not quicker
+        status.losses += not rate_rose
         outlier_gate.initiate(status, step, reading, rate, row)
         return
     if status.guessed > 0.0:
@@ -186,17 +194,17 @@ def _process_reading(record: Records, step: float, raw: float, row: Record) -> N
         status.move += (moved - status.move) * min(moved / TURN, MOST_GAIN)  # the mean of a turn
     for f in range(1, layout.MODELS):
         model_bank.begin_or_suspend(status, f, turned)
-    # Memory N: q = r / (N^6 T^5) (Kalata 1984). At a stop the stamps' noise ends, but the stop is motion.
+    # Memory N: q = r / (N^6 T^5) (Kalata 1984). The noise of stamps vanishes at a stop, but q must follow the stop.
     status.recent_noise = max(noise, FORGET_NOISE * status.recent_noise, measurement_noise.FINEST_MOTION)
     strength = math.sqrt(status.recent_noise * step / status.interval**5)
     for f in range(layout.MODELS - 1, -1, -1):
         if status.active[f] > 0.0:
             time_update(status, strength, step, layout.FIRST[f], layout.STOP[f])
-            seen = model_bank.is_observed(status, f)
+            was_observed = model_bank.is_observed(status, f)
             status.travelled[f] = max(status.travelled[f], abs(status.angle - status.start_angle[f]))
-            if model_bank.is_observed(status, f) and not seen:
+            if model_bank.is_observed(status, f) and not was_observed:
                 update_second_order(status, f)  # needed by the first likelihood that counts
-            # Until the ripple is observed, the measurement gives its angle better than the prediction does.
+            # The ripple is evaluated at the reading until the model is observed, then at the predicted angle.
             predict_reading(status, f, step, reading, expected if model_bank.is_observed(status, f) else reading, noise)
             density += status.mode_probability[f] * status.density[f]
     outlying = (density < OUTLIER_DENSITY or outlier_gate.is_alike(status, innovation)) and status.since > 5.0
@@ -219,7 +227,7 @@ def _update(status: Record, innovation: float, reading: float, repeated: float, 
     status.rejected_run = status.innovation_before = status.last_innovation = 0.0
     span, noticed = measurement_noise.samples_between(status, repeated) * status.interval, 3.0 * math.sqrt(row.noise)
     turning = span * abs(status.speed) > noticed
-    # A ripple model that absorbs a start keeps the mixture at standstill, but not the plain model.
+    # A ripple model may take a start for ripple, so that the mixture stands still; the plain model shows the start.
     starting = span * abs(status.clock[layout.RATE, status.best[layout.PLAIN]]) > noticed
     model_bank.update_mode_probabilities(status, noise, turning or starting)
     if turning:
@@ -230,7 +238,7 @@ def _update(status: Record, innovation: float, reading: float, repeated: float, 
         model_bank.reset_adaptation(status)
     measurement_noise.adapt_additive_noise(status, reading)
     if settles and status.ripple_tried == 0.0:
-        for f in range(1, layout.MODELS):  # their prior covariance followed the noise scale until it was known
+        for f in range(1, layout.MODELS):  # prior covariances in units of the noise scale, which has converged now
             reset_ripple_covariance(status, f, 0)
     if status.used % ADAPT_EVERY == 0.0 and turning and status.since > ADAPT_EVERY / 2.0:
         measurement_noise.adapt_jitter(status, noise)

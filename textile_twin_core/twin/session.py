@@ -1,4 +1,8 @@
-"""Session: state between samples. Angle samples enter in blocks of any size; predictions come out."""
+"""Session: state between samples. Angle samples enter in blocks of any size; predictions come out.
+
+Nodes and recordings use the same `Session`, made by the `session` method of a twin. One thread at a time may use a
+session. tests/twin/test_session.py compares blocks of any size with single samples.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +49,7 @@ class Samples:
 
     Attributes:
         states: Estimated states of the shaft (stamps, index, omega_rad_s, alpha_rad_s2, covariance, settled).
-        outputs: (n,) arrays by output name.
+        outputs: (n,) arrays by output name, which ends with the unit.
     """
 
     states: ShaftStates
@@ -153,7 +157,10 @@ def _span_text(stamps: FloatArray | IntArray) -> str:
 
 
 class Session:
-    """Session of a twin that takes angle samples of its encoder."""
+    """Session of a twin that takes angle samples of its encoder.
+
+    `shaft` and `settings` are the arguments of `create_estimator`; a setting overrides that of the machine's encoder.
+    """
 
     def __init__(self, twin: AnyTwin, shaft: str, **settings: Any) -> None:
         self.twin, self.shaft = twin, shaft
@@ -161,6 +168,7 @@ class Session:
         self._factor = self._encoder.direction * self._encoder.ratio
         self._estimator = create_estimator(shaft, **(encoder_settings(self._encoder) | settings))
         self._predictor = twin.predictor(shaft)
+        # an elastic shaft is observed from causal states in every view; the name `shaft` has been checked above
         if self._predictor.estimator is not None:
             settings.pop("shaft_lag_s", None)
             self._estimator = create_estimator(
@@ -188,9 +196,8 @@ class Session:
     def step(self, stamps: npt.ArrayLike, angles: npt.ArrayLike, velocities: npt.ArrayLike | None = None) -> Samples:
         """Process angle samples and predict.
 
-        From the third accepted sample on, each accepted sample gets one prediction. Estimators that look ahead
-        return it later,
-        or from `finish`.
+        From the third accepted sample on, each accepted sample gets one prediction. Estimators that look ahead return
+        it later, or from `finish`. Samples that are not finite or not newer than the last are rejected (see `report`).
 
         Args:
             stamps: (n,) integers [ns] or floats [s].
@@ -199,6 +206,9 @@ class Session:
 
         Returns:
             The predictions that are available now.
+
+        Raises:
+            MotionError: Arrays of different lengths, or stamps that change between integers and floats.
         """
         angle = (np.asarray(angles, dtype=np.float64) - self._encoder.zero_rad) * self._factor
         velocity = None if velocities is None else np.asarray(velocities, dtype=np.float64) * self._factor
@@ -207,7 +217,7 @@ class Session:
     def take_second(self, stamps: npt.ArrayLike, angles: npt.ArrayLike) -> None:
         """Take readings of the second encoder of an elastic shaft; call it before `step`.
 
-        Each sample of the first encoder uses the latest reading since the sample before it.
+        A sample of the first encoder uses the latest reading stamped after the previous sample and not after its own.
 
         Args:
             stamps: (n,) on the clock of the angle samples, integers [ns] or floats [s].
@@ -249,12 +259,12 @@ class Session:
             return ()
         phase, omega, alpha, turns = state
         theta = turns * TURN + (turns * TURN_TAIL + phase)  # same as join_turns
-        known = abs(omega) > SENSE_SIGMAS * self._estimator.omega_sigma_rad_s
-        outputs = self._predictor.predict_one(stamp, state, known)
+        sense_known = abs(omega) > SENSE_SIGMAS * self._estimator.omega_sigma_rad_s
+        outputs = self._predictor.predict_one(stamp, state, sense_known)
         return (Sample(stamp, theta, omega, alpha, math.nan, outputs),)
 
     def take_events(self) -> Sequence[StampedEvent]:
-        """Remove and return the impacts and touches of a machine with a history since the last call."""
+        """Remove and return the impacts and touches since the last call; empty for a machine without contacts."""
         return self._predictor.take_events()
 
     def use(self, twin: AnyTwin) -> None:
@@ -272,11 +282,11 @@ class Session:
         self._predictor = twin.predictor(self.shaft, self._predictor)
 
     def finish(self) -> Samples:
-        """Return the predictions for the samples that the estimator still holds back."""
+        """End the record and return the waiting predictions; later samples begin another record in the same report."""
         return Samples(*self._predictor.finish(self._estimator.finish()))
 
     def reset(self) -> None:
-        """Reset the session to its initial state."""
+        """Reset everything, the report and the newest stamp included."""
         self._estimator.reset()
         self._predictor.reset()
 
