@@ -61,6 +61,7 @@ def test_publishers_are_reported_by_their_names_which_may_come_late(
         assert "UNKNOWN" not in text and "2 publishers" not in text
         assert "a publisher not known by name yet publishes" in text
     now[0] += 1.5  # no node of ROS, perhaps
+    source.watch.took(1)
     assert "2 publishers give /torque: /drive, a publisher not known by name yet;" in source.status().message
     seen[1] = TopicEndpointInfo(node_name="old", node_namespace="/mill", topic_type=WRENCH)
     assert "2 publishers give /torque: /drive, /mill/old;" in source.status().message

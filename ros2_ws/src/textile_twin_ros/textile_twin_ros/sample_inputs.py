@@ -192,6 +192,7 @@ class SampleInput:
         counts = {"other_joints": others.count, **(counts or {})}
         growth = self._recent.growth({"received": self.watch.received, "unreadable": self.watch.refused, **counts})
         status = self.watch.status(self._topic, counts, refusing=growth["unreadable"] > 0)
+        publishers = self._publishers()  # which joints they give is known from their messages alone
         findings = [
             *seen,
             *joint_findings(self._joint, others.names() if others.sources() else None, self.watch.silent_s),
@@ -199,7 +200,7 @@ class SampleInput:
             *stamp_findings(self._newest_ns, self._stamped),
             *self._burst_findings(),
             *sample_findings(growth, "messages"),
-            *publisher_findings(self._publishers(), self.name, others.sources()),
+            *publisher_findings(publishers if self.watch.received else (), self.name, others.sources()),
         ]
         return judged(status, findings)
 
