@@ -44,17 +44,17 @@ def readings() -> Readings:
 
 
 def machine(pitch: tuple[float, ...] | None) -> Machine:
-    told = configured_machine(CASE)
+    configured = configured_machine(CASE)
     encoder = Encoder(teeth=TEETH, missing_teeth=MISSING, pitch_errors_rad=pitch)
-    return replace(told, sensors=Sensors(encoder, told.sensors.torque))
+    return replace(configured, sensors=Sensors(encoder, configured.sensors.torque))
 
 
 def test_a_healthy_machine_has_no_fault(readings: Readings) -> None:
-    told, unknown = (assess(readings, machine(pitch)) for pitch in (tuple(PITCH.tolist()), None))
-    assert told.verdict == () and told.explained > 0.9997
+    configured, unknown = (assess(readings, machine(pitch)) for pitch in (tuple(PITCH.tolist()), None))
+    assert configured.verdict == () and configured.explained > 0.9997
     # Errors missing in the file are learnt, also those of the ripple's orders.
     assert unknown.verdict == () and unknown.explained > 0.9997
-    assert not any("pitch errors" in note for note in (*told.notes, *unknown.notes))
+    assert not any("pitch errors" in note for note in (*configured.notes, *unknown.notes))
 
 
 def test_the_monitor_sees_the_noise_of_the_torque_alone(readings: Readings) -> None:

@@ -26,7 +26,7 @@ from textile_twin_ros.shaft_motion import TURN, Marks, SimulatedEncoder, Simulat
 
 TEETH, MISSING, UNIT_NM = 36, 1, 2.5
 MACHINE = with_encoder(tufting(), {"teeth": TEETH, "missing_teeth": MISSING})
-TOLD = ("angle_type:=edges", f"encoder_teeth:={TEETH}", f"encoder_missing_teeth:={MISSING}")
+WHEEL = ("angle_type:=edges", f"encoder_teeth:={TEETH}", f"encoder_missing_teeth:={MISSING}")
 
 
 def passing(angles: list[float], seconds: float = 4.0) -> list[int]:
@@ -67,7 +67,7 @@ def test_edges_and_current_live_as_offline(suite: Suite, tmp_path: Path) -> None
     angle = node.create_publisher(Header, "main_shaft/angle", RELIABLE)
     index = node.create_publisher(Header, "main_shaft/index", RELIABLE)
     torque = node.create_publisher(JointState, "balancing_torque/measured", RELIABLE)
-    words = (*TOLD, "index:=true", "torque_type:=joint_state", f"torque_unit_Nm:={UNIT_NM}")
+    words = (*WHEEL, "index:=true", "torque_type:=joint_state", f"torque_unit_Nm:={UNIT_NM}")
     suite.start("twin_node", *words, "wait_for:=[balancing_torque/predicted]")
     suite.spin_until(lambda: all(p.get_subscription_count() for p in (angle, index, torque)), "the twin")
     suite.spin_until(lambda: said and "residual" in said[-1], "residuals, once it has heard of the torque's publisher")
@@ -104,8 +104,8 @@ def test_a_simulated_wheel(suite: Suite) -> None:
     node = suite.node()
     heard: list[JointState] = []
     node.create_subscription(JointState, "joint_states", heard.append, RELIABLE)
-    suite.start("twin_node", *TOLD, "wait_for:=[joint_states]").wait_for_words("warming up")
-    machine = suite.start("shaft_node", "angle_type:=edges", *TOLD[1:], "rpm:=240.0", "run_up_s:=0.5", "ripple:=0.0")
+    suite.start("twin_node", *WHEEL, "wait_for:=[joint_states]").wait_for_words("warming up")
+    machine = suite.start("shaft_node", "angle_type:=edges", *WHEEL[1:], "rpm:=240.0", "run_up_s:=0.5", "ripple:=0.0")
     suite.spin_until(lambda: len(heard) > 200, "joint states")
     machine.end()
     place = list(heard[0].name).index("main_shaft")

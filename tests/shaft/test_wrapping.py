@@ -1,4 +1,4 @@
-"""Wrapped and counting angles of machines that start and stop within a few readings, told apart by the readings."""
+"""Wrapped and counting angles of machines that start and stop within a few readings, distinguished by the readings."""
 
 from __future__ import annotations
 

@@ -132,9 +132,11 @@ def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded:
         # Smoothing the whole recording takes the same time again, after its last sample.
         done = stage("predicting", _PREDICTED, 2 * len(angles))
         predicted = recompute(angles, machine, arguments.shaft, done, second, **shaft_settings(arguments))
-        stage("judging", _JUDGED, 1)
         readings = readings_of(angles, measured, second)
-        shaft = None if machine.shaft is None else shaft_departure(readings, machine)
+        shaft, share = None, _JUDGED - _PREDICTED
+        if machine.shaft is not None:
+            shaft = shaft_departure(readings, machine, lambda what, until: stage(what, _PREDICTED + until * share, 1))
+        stage("judging", _JUDGED, 1)
         true, found = predicted, machine
         if shaft is not None:
             found = shaft.machine
