@@ -19,6 +19,7 @@ OUTSIDE = {
     "README.md": "overview.md",
     "bags/README.md": "reference/recordings.md",
     "ros2_ws/src/textile_twin_ros/README.md": "reference/nodes.md",
+    "tests/benchmarks/README.md": "project/benchmarks.md",
     "ros2_ws/src/textile_twin_ros/CONTACT.md": "project/contact.md",
     "ros2_ws/src/textile_twin_ros/QUALITY_DECLARATION.md": "project/quality.md",
     "CONTRIBUTING.md": "project/contributing.md",

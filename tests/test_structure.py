@@ -31,8 +31,6 @@ MODULES = {
 }
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 REQUIRED = {*sys.stdlib_module_names, *(Requirement(each).name for each in PROJECT["project"]["dependencies"])}
-NOT_INSTALLED = PROJECT["tool"]["setuptools"]["packages"]["find"]["exclude"]
-"""Our packages that the wheel does not include."""
 
 
 def is_for_types(node: ast.AST) -> bool:
@@ -77,8 +75,7 @@ def home(name: str) -> str | None:
 @cache
 def needs(name: str) -> frozenset[str]:
     """Return the optional packages without which a name cannot be imported."""
-    found = {each for each in NOT_INSTALLED if name.startswith(f"{each}.")}
-    met, left = set[str](), [name]
+    found, met, left = set[str](), set[str](), [name]
     while left:
         name = left.pop()
         module = home(name)

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
+import sys
 from collections.abc import Iterator
 from dataclasses import asdict
 from importlib.util import find_spec
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import textile_twin_core as ttc
-from textile_twin_core.bench import run_bench
-from textile_twin_core.bench.peers import MODULES, peer_candidates
+from textile_twin_core.bench import run, run_bench
 from textile_twin_core.bench.ratios import ratios
-from textile_twin_core.bench.run import Row
+from textile_twin_core.bench.run import Row, load_peers
 from textile_twin_core.bench.scenes import scenes
 from textile_twin_core.bench.text import ratio_lines, speed_table
 from textile_twin_core.bench.timing import PINS, bench_core
@@ -26,6 +28,7 @@ from textile_twin_core.expression.traversal import operation_counts
 KEYS = {"method", "peer", "outputs", "machine", "batch", "error_over_peak", "ns_per_sample", "us_per_call"}
 SCENES = ("torque", "position", "torque and position", "everything")
 LEAST_ERROR = {"mujoco, soft loop": 1e-4, "mujoco, soft loop, tight": 1e-7, "exudyn, time stepping": 1e-8}
+PEERS = load_peers()
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -74,14 +77,14 @@ def test_tables_name_every_row(rows: list[Row]) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("library", MODULES)
+@pytest.mark.parametrize("library", PEERS.MODULES)
 @pytest.mark.parametrize("number", range(len(SCENES)), ids=SCENES)
 def test_peers_do_the_same_work(library: str, number: int, monkeypatch: pytest.MonkeyPatch) -> None:
     if find_spec(library) is None:
         pytest.skip(f"{library} is not installed here")
-    monkeypatch.setattr("textile_twin_core.bench.peers.MODULES", {library: MODULES[library]})
+    monkeypatch.setattr(PEERS, "MODULES", {library: PEERS.MODULES[library]})
     scene, said = scenes(ttc.machines.tufting(), 2000)[number], list[str]()
-    found = peer_candidates(scene, said.append)
+    found = PEERS.peer_candidates(scene, said.append)
     assert said == []
     for candidate in found:
         name = f"{candidate.peer}, {candidate.method}"
@@ -96,13 +99,28 @@ def test_peers_do_the_same_work(library: str, number: int, monkeypatch: pytest.M
 
 def test_a_peer_that_is_not_installed_or_fails_costs_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     modules = {"no_such_library": "nothing", "numpy": "no_such_module"}
-    monkeypatch.setattr("textile_twin_core.bench.peers.MODULES", modules)
+    monkeypatch.setattr(PEERS, "MODULES", modules)
     said: list[str] = []
     machine = ttc.machines.tufting()
     rows = run_bench(machine, with_peers=True, rounds=1, samples=100, scene_names=["position"], say=said.append)
     assert {row.peer for row in rows} <= {None, "C", YARDSTICK}
     assert said[0] == "no_such_library is left out: not installed (pip install -r requirements-peers.lock)"
     assert len(said) == 2 and said[1].startswith("numpy is left out of 'position': No module named")
+
+
+def test_the_page_of_the_peers_states_the_versions_of_the_lock() -> None:
+    root = Path(__file__).parents[2]
+    stated = re.findall(r"\(`(\w+)`\) \| ([\d.]+) \|", (root / "tests/benchmarks/README.md").read_text())
+    locked = re.findall(r"^(\w+)==([\d.]+) ", (root / "requirements-peers.lock").read_text(), re.M)
+    assert len(stated) == len(PEERS.MODULES) and set(stated) <= set(locked)
+
+
+def test_without_the_repository_the_peers_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(sys.modules, PEERS.__name__)
+    monkeypatch.setattr(run, "__file__", str(tmp_path / "textile_twin_core/bench/run.py"))
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ttc.errors.SceneError):
+        load_peers()
 
 
 @pytest.mark.skipif(not PINS, reason="this system holds no process to a core")
@@ -135,7 +153,7 @@ def test_errors_are_relative_to_the_peak() -> None:
 def test_results_stay_where_peers_left_them() -> None:
     """Check that later candidates do not overwrite the results of earlier ones in the same process."""
     scene = scenes(ttc.machines.tufting(), 2000)[0]
-    candidates = peer_candidates(scene)
+    candidates = PEERS.peer_candidates(scene)
     before = [c.result() for c in candidates if c.result is not None]
     kept = [{name: values.copy() for name, values in found.items()} for found in before]
     for candidate in candidates:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from types import ModuleType
 
 from textile_twin_core.bench.c_limit import c_candidates
 from textile_twin_core.bench.own_methods import own_candidates
@@ -12,6 +16,9 @@ from textile_twin_core.bench.timing import Candidate, one_core, take_turns
 from textile_twin_core.bench.yardsticks import yardsticks
 from textile_twin_core.errors import SceneError
 from textile_twin_core.machine import Machine
+
+_PEERS = "textile_twin_peers"
+"""Name under which the package of other libraries is imported; it lies outside this package."""
 
 
 @dataclass(frozen=True)
@@ -74,23 +81,32 @@ def run_bench(
     for scene in chosen:
         found = [*c_candidates(scene), *own_candidates(scene), *yardsticks(scene)]
         if with_peers:
-            found += _peers(scene, say_once)
+            found += load_peers().peer_candidates(scene, say_once)
         candidates += [(scene, candidate) for candidate in found]
         tick(1)
     take_turns([candidate for _, candidate in candidates], rounds, tick)
     return [_row(scene, candidate) for scene, candidate in candidates]
 
 
-def _peers(scene: Workload, say: Callable[[str], object]) -> list[Candidate]:
-    try:  # part of the repository, but not of the installed wheel
-        from textile_twin_core.bench.peers import peer_candidates
-    except ModuleNotFoundError as error:
-        if error.name != "textile_twin_core.bench.peers":
-            raise
+def load_peers() -> ModuleType:
+    """Import the package that calls other libraries; only the repository has it.
+
+    Raises:
+        SceneError: Neither the folder that contains this package nor the current folder is the repository.
+    """
+    for repository in (Path(__file__).parents[2], Path.cwd()):
+        source = repository / "tests/benchmarks/peers/__init__.py"
+        if _PEERS not in sys.modules and source.is_file():
+            spec = spec_from_file_location(_PEERS, source)
+            assert spec is not None and spec.loader is not None
+            sys.modules[_PEERS] = module_from_spec(spec)
+            spec.loader.exec_module(sys.modules[_PEERS])
+    if _PEERS not in sys.modules:
         raise SceneError(
-            "the bench of other libraries is in the repository of textile-twin alone; run it there"
-        ) from None
-    return peer_candidates(scene, say)
+            "the comparison with other libraries is in the repository of textile-twin alone: run `textile-twin bench"
+            " --peers` there (tests/benchmarks/README.md)"
+        )
+    return sys.modules[_PEERS]
 
 
 def _row(scene: Workload, candidate: Candidate) -> Row:

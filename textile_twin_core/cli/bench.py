@@ -35,14 +35,14 @@ def parser() -> Parser:
     parser = Parser(
         "bench",
         "Speed against error on this computer: our methods, the same closed form in C where a compiler is at hand,\n"
-        "and with --peers other libraries that are installed (requirements-peers.lock). All take turns in one\n"
+        "and with --peers, in the repository, other libraries (tests/benchmarks/README.md). All take turns in one\n"
         "process on one core; times are medians, errors are against extended precision. Ratios are taken round by\n"
         "round: they hold on any computer.",
         "textile-twin bench --all --json bench.json --png bench.png",
     )
     add_machine(parser, option=True, required=False)
     parser.set_defaults(machine="tufting")
-    parser.add_argument("--peers", action="store_true", help="other libraries too")
+    parser.add_argument("--peers", action="store_true", help="other libraries too; in the repository alone")
     parser.add_argument("--growth", action="store_true", help="time and memory as samples, machines, linkages grow")
     parser.add_argument(
         "--shaft",

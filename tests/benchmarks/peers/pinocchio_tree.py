@@ -11,10 +11,11 @@ import numpy as np
 import pinocchio as pin
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.bench.peers.closed_loop import TORQUE, ClosedLoop, one_by_one, projected
-from textile_twin_core.bench.peers.planar_tree import GROUND, PlanarTree, Point, planar_tree
 from textile_twin_core.bench.scenes import Workload
 from textile_twin_core.bench.timing import Candidate
+
+from .closed_loop import TORQUE, ClosedLoop, one_by_one, projected
+from .planar_tree import GROUND, PlanarTree, Point, planar_tree
 
 
 class PinocchioTree:

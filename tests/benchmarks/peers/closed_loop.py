@@ -15,9 +15,10 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.bench.peers.planar_tree import PlanarTree, planar_tree
 from textile_twin_core.bench.scenes import Workload
 from textile_twin_core.bench.timing import Candidate
+
+from .planar_tree import PlanarTree, planar_tree
 
 TORQUE = "balancing_torque_Nm"
 SAMPLES = 500

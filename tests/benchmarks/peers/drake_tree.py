@@ -22,10 +22,11 @@ from pydrake.multibody.tree import (
 )
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.bench.peers.closed_loop import projected
-from textile_twin_core.bench.peers.planar_tree import GROUND, PlanarTree
 from textile_twin_core.bench.scenes import Workload
 from textile_twin_core.bench.timing import Candidate
+
+from .closed_loop import projected
+from .planar_tree import GROUND, PlanarTree
 
 _ORIGIN = np.zeros(3)
 

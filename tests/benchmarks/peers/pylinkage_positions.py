@@ -14,12 +14,13 @@ import numpy as np
 import pylinkage
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.bench.peers.turn import SteadyTurn
 from textile_twin_core.bench.scenes import Workload
 from textile_twin_core.bench.timing import Candidate
 from textile_twin_core.machine import Machine
 from textile_twin_core.mechanism import MAIN_SHAFT, Crank, RigidArm, RRPDyad, RRRDyad, Travel
 from textile_twin_core.twin import compile_machine
+
+from .turn import SteadyTurn
 
 _SAMPLES = 10_000
 

@@ -30,11 +30,12 @@ from exudyn.itemInterface import (
 )
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.bench.peers.closed_loop import TORQUE
-from textile_twin_core.bench.peers.planar_tree import GROUND, ComplexArray, PlanarTree, Point, planar_tree
-from textile_twin_core.bench.peers.turn import SteadyTurn
 from textile_twin_core.bench.scenes import Workload
 from textile_twin_core.bench.timing import Candidate
+
+from .closed_loop import TORQUE
+from .planar_tree import GROUND, ComplexArray, PlanarTree, Point, planar_tree
+from .turn import SteadyTurn
 
 _A_TURN = 2000
 
