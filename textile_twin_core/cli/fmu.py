@@ -12,15 +12,15 @@ from textile_twin_core.cli.outputs import print_rows
 from textile_twin_core.cli.places import check_output, keep_input
 from textile_twin_core.files import staged
 from textile_twin_core.fmu import write_fmu
-from textile_twin_core.machine import AnyMachine
+from textile_twin_core.machine import AnyMachine, ContactMachine
 
 
 def parser() -> Parser:
     """Build the argument parser."""
     parser = Parser(
         "fmu",
-        "Writes a machine as a source FMU (model exchange and co-simulation) in C, with a library for 64-bit Linux\n"
-        "where a C compiler is at hand. It needs no Python where it runs.",
+        "Writes a machine as a source FMU in C, for co-simulation and (without stops and pads) for model exchange,\n"
+        "with a library for 64-bit Linux where a C compiler is at hand. It needs no Python where it runs.",
         "textile-twin fmu tufting --input torque --fmi 2 --out tufting.fmu",
     )
     add_machine(parser, option=False)
@@ -56,6 +56,8 @@ def run(arguments: argparse.Namespace) -> None:
         tell(f"constants of this unit, since another closed form belongs to other values: {', '.join(made.fixed)}")
     if getattr(machine, "shaft", None) is not None:
         tell("the linkages are constants of this unit, held in tables; its parameters are the numbers of the shaft")
+    if isinstance(machine, ContactMachine):
+        tell("for co-simulation alone, and the law of motion is a constant of this unit")
     if not made.has_binary:
         tell("without a library, since no C compiler for 64-bit Linux is at hand: the importer compiles the sources")
     print_rows(

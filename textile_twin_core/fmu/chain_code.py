@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-import numpy.typing as npt
-
 from textile_twin_core.driveline import ElasticShaft, elastic_shaft
 from textile_twin_core.expression import Expr
 from textile_twin_core.expression.c_source import PLAIN_SINCOS, c_function
-from textile_twin_core.fmu.model_code import ModelCode, finished
+from textile_twin_core.fmu.model_code import ModelCode, finished, static_array
 from textile_twin_core.machine import Machine, ShaftPlace
 from textile_twin_core.machine.elastic_outputs import (
     ACCELERATION,
@@ -78,7 +75,7 @@ def chain_code(machine: Machine, outputs: Sequence[str], torque_input: bool, abo
         [
             '#include <math.h>\n#include "textile_twin.h"\n',
             PLAIN_SINCOS,
-            *(_array(name, values) for name, values in tables.items()),
+            *(static_array(name, values) for name, values in tables.items()),
             "TT_LOCAL void tt_start_values(double *p) {\n"
             + "".join(f"    p[{k}] = {value!r};\n" for k, value in enumerate(parameters.values()))
             + "}\n",
@@ -241,15 +238,3 @@ class _Outputs:
         if self.usual:
             lines += [f"tt_usual(theta[{first}], omega[{first}], alpha[{first}], u);"]
         return [*lines, *(f"tt_each({call}, z[{row}]);" for call, row in self.rows.items())]
-
-
-def _array(name: str, values: npt.NDArray[np.generic]) -> str:
-    """Declare a static array; an empty one has a single zero."""
-    values = values if values.size else np.zeros((1,) * values.ndim, values.dtype)
-    sizes = "".join(f"[{n}]" for n in values.shape)
-
-    def braces(part: npt.NDArray[np.generic]) -> str:
-        inner = ", ".join(repr(v) for v in part.tolist()) if part.ndim == 1 else ",\n".join(map(braces, part))
-        return f"{{{inner}}}"
-
-    return f"static const {name}{sizes} = {braces(values)};\n"

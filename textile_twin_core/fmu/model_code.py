@@ -7,6 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 
+import numpy as np
+import numpy.typing as npt
+
 from textile_twin_core.dynamics.motion_equation import level, split_leaps
 from textile_twin_core.expression import Expr, const, topological_order, variable
 from textile_twin_core.expression.c_source import PLAIN_SINCOS, c_function, c_statements, hoisted, with_parameters
@@ -101,13 +104,25 @@ def model_code(made: SymbolicMachine, outputs: Sequence[str], torque_input: bool
 
 
 def finished(
-    source: str, sizes: Mapping[str, int], about: object, leaps: int, depends: tuple[frozenset[str], ...]
+    source: str, sizes: Mapping[str, float], about: object, leaps: int, depends: tuple[frozenset[str], ...]
 ) -> ModelCode:
     """Add the header with the sizes, and the token of source and `about`."""
     token = sha256(json.dumps([source, about]).encode()).hexdigest()
     token = f"{{{token[:8]}-{token[8:12]}-{token[12:16]}-{token[16:20]}-{token[20:32]}}}"
     header = "".join(f"#define TT_{name} {value}\n" for name, value in {**sizes, "TOKEN": f'"{token}"'}.items())
     return ModelCode(header, source, token, leaps, depends)
+
+
+def static_array(name: str, values: npt.NDArray[np.generic]) -> str:
+    """Declare a static array; an empty one has a single zero."""
+    values = values if values.size else np.zeros((1,) * values.ndim, values.dtype)
+    sizes = "".join(f"[{n}]" for n in values.shape)
+
+    def braces(part: npt.NDArray[np.generic]) -> str:
+        inner = ", ".join(repr(v) for v in part.tolist()) if part.ndim == 1 else ",\n".join(map(braces, part))
+        return f"{{{inner}}}"
+
+    return f"static const {name}{sizes} = {braces(values)};\n"
 
 
 def _leaps(values: Sequence[Expr], levels: Sequence[Expr]) -> str:

@@ -54,6 +54,7 @@ class ModelDescription:
         variables: all variables.
         sources: names of the C files.
         indicators: number of event indicators.
+        kinds: interfaces that the unit offers, "ModelExchange" and "CoSimulation".
         step_s: default step of a simulation [s].
     """
 
@@ -64,6 +65,7 @@ class ModelDescription:
     variables: Sequence[Variable]
     sources: Sequence[str]
     indicators: int
+    kinds: Sequence[str] = ("ModelExchange", "CoSimulation")
     step_s: float = 1e-3
     index: Mapping[str, int] = field(init=False)
 
@@ -118,7 +120,7 @@ class ModelDescription:
     def _fmi2(self) -> ET.Element:
         root = self._root(fmiVersion="2.0", guid=self.token)
         root.set("numberOfEventIndicators", str(self.indicators))
-        for kind in ("ModelExchange", "CoSimulation"):
+        for kind in self.kinds:
             able = {"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true"}
             if kind == "CoSimulation":
                 able["canHandleVariableCommunicationStepSize"] = "true"
@@ -157,7 +159,7 @@ class ModelDescription:
     def _fmi3(self) -> ET.Element:
         root = self._root(fmiVersion="3.0", instantiationToken=self.token)
         reference = {v.name: str(v.reference) for v in self.variables}
-        for kind in ("ModelExchange", "CoSimulation"):
+        for kind in self.kinds:
             able = {"canGetAndSetFMUState": "true", "canSerializeFMUState": "true"}
             if kind == "CoSimulation":
                 able["canHandleVariableCommunicationStepSize"] = "true"

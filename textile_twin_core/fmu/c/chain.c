@@ -372,12 +372,6 @@ static void refresh(tt_state *s) {
     if (!s->initialized) begin(s);
 }
 
-TT_LOCAL void tt_reset(tt_state *s) {
-    memset(s, 0, sizeof *s);
-    tt_start_values(s->parameter);
-    s->parameters_changed = s->outputs_old = 1;
-}
-
 TT_LOCAL void tt_initialize(tt_state *s) {
     s->initialized = 0;
     refresh(s);
@@ -386,7 +380,7 @@ TT_LOCAL void tt_initialize(tt_state *s) {
     s->step = 0.0;
 }
 
-static void bring_up_to_date(tt_state *s) {
+TT_LOCAL void tt_bring_up_to_date(tt_state *s) {
     double y[2 * N], slope[2 * N], theta[N], piece[TT_PIECES];
     int i;
     refresh(s);
@@ -404,59 +398,6 @@ static void bring_up_to_date(tt_state *s) {
 #endif
     tt_outputs(theta, y + N, slope + N, piece, s->output);
     s->outputs_old = 0;
-}
-
-TT_LOCAL int tt_get(tt_state *s, uint32_t reference, double *value) {
-    double some[TT_STATES + TT_MONITORS];
-    bring_up_to_date(s);
-    if (reference >= TT_DER_STATE) {
-        if (reference - TT_DER_STATE >= TT_STATES) return 0;
-        tt_derivatives(s, some);
-        *value = some[reference - TT_DER_STATE];
-    } else if (reference >= TT_STATE) {
-        if (reference - TT_STATE >= TT_STATES) return 0;
-        *value = s->x[reference - TT_STATE];
-    } else if (reference >= TT_PARAMETER) {
-        if (reference - TT_PARAMETER >= TT_PARAMETERS) return 0;
-        *value = s->parameter[reference - TT_PARAMETER];
-    } else if (reference >= TT_OUTPUT) {
-        if (reference - TT_OUTPUT >= TT_OUTPUTS) return 0;
-        *value = s->output[reference - TT_OUTPUT];
-    } else if (reference >= TT_INDICATOR) {
-        if (reference - TT_INDICATOR >= TT_INDICATORS) return 0;
-        tt_indicators(s, some);
-        *value = some[reference - TT_INDICATOR];
-    } else switch (reference) {
-        case TT_TIME: *value = s->time; break;
-        case TT_THETA: *value = s->theta; break;
-        case TT_OMEGA: *value = s->omega; break;
-        case TT_ALPHA: *value = s->alpha; break;
-        case TT_DRIVE_TORQUE: *value = s->torque; return TT_TORQUE_INPUT;
-        default: return 0;
-    }
-    return 1;
-}
-
-TT_LOCAL int tt_set(tt_state *s, uint32_t reference, double value) {
-    s->outputs_old = 1;
-    if (reference >= TT_STATE) {
-        if (reference - TT_STATE >= TT_STATES || !s->initialized) return 0;
-        s->x[reference - TT_STATE] = value;
-        return 1;
-    }
-    if (reference >= TT_PARAMETER) {
-        if (reference - TT_PARAMETER >= TT_PARAMETERS) return 0;
-        s->parameter[reference - TT_PARAMETER] = value;
-        s->parameters_changed = 1;
-        return 1;
-    }
-    switch (reference) {
-    case TT_THETA: s->theta = value; return !TT_TORQUE_INPUT || !s->initialized;
-    case TT_OMEGA: s->omega = value; return !TT_TORQUE_INPUT || !s->initialized;
-    case TT_ALPHA: s->alpha = value; return !TT_TORQUE_INPUT;
-    case TT_DRIVE_TORQUE: s->torque = value; return TT_TORQUE_INPUT;
-    default: return 0;
-    }
 }
 
 TT_LOCAL void tt_get_states(const tt_state *s, double *x) { memcpy(x, s->x, sizeof s->x); }

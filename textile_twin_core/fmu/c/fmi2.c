@@ -191,7 +191,7 @@ TT_EXPORT Status fmi2GetRealOutputDerivatives(Component c, const Reference r[], 
 TT_EXPORT Status fmi2DoStep(Component c, Real now, Real size, Boolean no_set) {
     (void)no_set;
     STATE(c)->time = now;
-    if (!tt_advance(STATE(c), now + size)) return fail(c, "fmi2DoStep: the motion cannot be followed; check torque and parameters");
+    if (!tt_advance(STATE(c), now + size)) return fail(c, "fmi2DoStep: the motion cannot be followed; check inputs and parameters");
     return OK;
 }
 TT_EXPORT Status fmi2CancelStep(Component c) { return fail(c, "fmi2CancelStep: no step is pending"); }

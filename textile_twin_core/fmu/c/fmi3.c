@@ -222,7 +222,7 @@ TT_EXPORT Status fmi3DoStep(Component c, double now, double size, bool no_set, b
     STATE(c)->time = now;
     if (!tt_advance(STATE(c), now + size)) {
         *last_time = STATE(c)->time;
-        return fail(c, "fmi3DoStep: the motion cannot be followed; check torque and parameters");
+        return fail(c, "fmi3DoStep: the motion cannot be followed; check inputs and parameters");
     }
     *last_time = now + size;
     return OK;

@@ -46,12 +46,6 @@ static double acceleration(const tt_state *s) {
 }
 #endif
 
-TT_LOCAL void tt_reset(tt_state *s) {
-    memset(s, 0, sizeof *s);
-    tt_start_values(s->parameter);
-    s->parameters_changed = s->outputs_old = 1;
-}
-
 TT_LOCAL void tt_initialize(tt_state *s) {
     refresh(s);
     s->initialized = 1;
@@ -64,66 +58,15 @@ TT_LOCAL void tt_initialize(tt_state *s) {
 #endif
 }
 
-static void bring_up_to_date(tt_state *s) {
+TT_LOCAL void tt_bring_up_to_date(tt_state *s) {
     refresh(s);
+    if (!s->outputs_old) return;
 #if TT_TORQUE_INPUT
     if (!s->initialized) tt_initialize(s), s->initialized = 0;
     s->alpha = acceleration(s);
 #endif
-    if (s->outputs_old) {
-        tt_outputs(s->constant, s->theta, s->omega, s->alpha, s->output);
-        s->outputs_old = 0;
-    }
-}
-
-TT_LOCAL int tt_get(tt_state *s, uint32_t reference, double *value) {
-    if (reference >= TT_PARAMETER) {
-        if (reference - TT_PARAMETER >= TT_PARAMETERS) return 0;
-        *value = s->parameter[reference - TT_PARAMETER];
-        return 1;
-    }
-    if (reference >= TT_OUTPUT) {
-        if (reference - TT_OUTPUT >= TT_OUTPUTS) return 0;
-        bring_up_to_date(s);
-        *value = s->output[reference - TT_OUTPUT];
-        return 1;
-    }
-    if (reference >= TT_INDICATOR) {
-        double indicator[TT_SIZE(TT_INDICATORS)];
-        if (reference - TT_INDICATOR >= TT_INDICATORS) return 0;
-        tt_indicators(s, indicator);
-        *value = indicator[reference - TT_INDICATOR];
-        return 1;
-    }
-    switch (reference) {
-    case TT_TIME: *value = s->time; return 1;
-    case TT_THETA: *value = s->theta; return 1;
-    case TT_OMEGA: *value = s->omega; return 1;
-    case TT_ALPHA:
-        if (TT_TORQUE_INPUT) bring_up_to_date(s);
-        *value = s->alpha;
-        return 1;
-    case TT_DRIVE_TORQUE: *value = s->torque; return TT_TORQUE_INPUT;
-    case TT_DER_THETA: *value = s->omega; return TT_TORQUE_INPUT;
-    default: return 0;
-    }
-}
-
-TT_LOCAL int tt_set(tt_state *s, uint32_t reference, double value) {
-    s->outputs_old = 1;
-    if (reference >= TT_PARAMETER) {
-        if (reference - TT_PARAMETER >= TT_PARAMETERS) return 0;
-        s->parameter[reference - TT_PARAMETER] = value;
-        s->parameters_changed = 1;
-        return 1;
-    }
-    switch (reference) {
-    case TT_THETA: s->theta = value; return 1;
-    case TT_OMEGA: s->omega = value; return 1;
-    case TT_ALPHA: s->alpha = value; return !TT_TORQUE_INPUT;
-    case TT_DRIVE_TORQUE: s->torque = value; return TT_TORQUE_INPUT;
-    default: return 0;
-    }
+    tt_outputs(s->constant, s->theta, s->omega, s->alpha, s->output);
+    s->outputs_old = 0;
 }
 
 TT_LOCAL void tt_get_states(const tt_state *s, double *x) {

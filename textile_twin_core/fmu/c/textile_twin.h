@@ -5,7 +5,7 @@
 
 #include <stddef.h>
 #include <stdint.h>
-#include "model.h" /* TT_CHAIN, TT_TORQUE_INPUT, TT_OUTPUTS, TT_PARAMETERS, TT_TOKEN and the sizes of the machine */
+#include "model.h" /* TT_CHAIN or TT_CONTACT, TT_TORQUE_INPUT, TT_OUTPUTS, TT_PARAMETERS, TT_TOKEN, sizes of the machine */
 
 #ifndef TT_EXPORT
 #if defined _WIN32
@@ -28,6 +28,13 @@
 enum { TT_TIME = 0, TT_DRIVE_TORQUE = 1, TT_THETA = 2, TT_OMEGA = 3, TT_ALPHA = 4, TT_DER_THETA = 5,
        TT_INDICATOR = 100, TT_OUTPUT = 1000, TT_PARAMETER = 100000, TT_STATE = 200000, TT_DER_STATE = 300000 };
 
+/* Of every kind of machine. */
+#define TT_COMMON                                                                                                      \
+    double time, theta, omega, alpha, torque;                                                                          \
+    double parameter[TT_SIZE(TT_PARAMETERS)];                                                                          \
+    double output[TT_SIZE(TT_OUTPUTS)];                                                                                \
+    int initialized, parameters_changed, outputs_old
+
 #if TT_CHAIN
 
 /* An elastic main shaft: a chain of stations that carry hangers (linkages, and what acts once on the main shaft). */
@@ -36,12 +43,10 @@ enum { TT_PIECES = TT_STATIONS - 1,
        TT_STATES = TT_TORQUE_INPUT ? 2 * TT_STATIONS : 2 * TT_PIECES,
        TT_MONITORS = TT_STATIONS + 2 * TT_HANGERS + 2 * TT_PIECES };
 
-/* All that an instance is in: copied as a whole to get and set its state. */
+/* All that an instance is in: copied as a whole to get and set its state. The motion is that of the station whose
+   motion is the input; with a torque, the start of the drive's. */
 typedef struct {
-    double time, torque;
-    double theta, omega, alpha; /* of the station whose motion is the input; with a torque, the start of the drive's */
-    double parameter[TT_SIZE(TT_PARAMETERS)];
-    double output[TT_SIZE(TT_OUTPUTS)];
+    TT_COMMON;
     /* With a torque: angle of the first station, twists of the pieces, speeds of the stations. With a motion: twists,
        and the speeds of the other stations beyond the given one. */
     double x[TT_STATES];
@@ -53,13 +58,67 @@ typedef struct {
     int row[TT_SIZE(TT_HANGERS)];    /* coefficients of the loads that hold */
     int turning[TT_STATIONS];        /* 1 forward, -1 backward, 0 held by dry friction */
     int side[TT_PIECES];             /* 1 and -1 in contact, 0 within the play; 1 without play */
-    int initialized, parameters_changed, outputs_old;
 } tt_state;
 
 /* Generated. */
-TT_LOCAL void tt_start_values(double *p);
 TT_LOCAL void tt_shaft(const double *p, tt_state *s);
 TT_LOCAL void tt_outputs(const double *theta, const double *omega, const double *alpha, const double *piece, double *y);
+
+#elif TT_CONTACT
+
+/* Bodies on a line between springs, one-sided stops and pads. The elements are the bodies, then the driven one. */
+enum { TT_ELEMENTS = TT_BODIES + 1, TT_INDICATORS = 0, TT_STATES = 0 };
+
+typedef struct { double stiffness, damping, free_length; } tt_spring;
+typedef struct { double limit, restitution; } tt_stop;
+typedef struct { double position, damping, stiffness[TT_PAD_POWERS]; } tt_pad;
+
+/* Motion of the shaft over a communication step, and the section of the law of motion that the driven element is in. */
+typedef struct {
+    double theta[6]; /* shaft angle [rad], power series in seconds */
+    double base;     /* shaft angle at which the section begins [rad] */
+    double end;      /* time at which the shaft leaves the section, or the step ends [s] */
+    int section;
+} tt_drive;
+
+/* All that an instance is in: copied as a whole to get and set its state. */
+typedef struct {
+    TT_COMMON;
+    double mass[TT_SIZE(TT_BODIES)], weight[TT_SIZE(TT_BODIES)], start[TT_SIZE(TT_BODIES)], driven_mass;
+    tt_spring spring[TT_SIZE(TT_SPRINGS)];
+    tt_stop stop[TT_SIZE(TT_STOPS)];
+    tt_pad pad[TT_SIZE(TT_PADS)];
+    double length, rate;                      /* scales of lengths [m] and of the springs' rates [1/s] */
+    double force, resistance;                 /* scales of forces of springs [N] and of dampers [N s/m] */
+    double x[TT_ELEMENTS], v[TT_ELEMENTS];    /* positions [m], velocities [m/s] */
+    double fastest;                           /* largest speed so far [m/s] */
+    double clock;                             /* seconds since the beginning of the communication step */
+    tt_drive drive;
+    int closed[TT_SIZE(TT_STOPS)];
+    int released[TT_SIZE(TT_STOPS)];          /* its force has just reached zero */
+    int pressed[TT_SIZE(TT_PADS)];            /* TT_OFF, TT_PUSHING, TT_SLACK */
+    int begun;                                /* the first step has been done */
+    int unsettled;                            /* the stops that stay closed must be chosen */
+    int failed;
+} tt_state;
+
+enum { TT_OFF, TT_PUSHING, TT_SLACK }; /* a slack pad is touched, but its body leaves too fast */
+enum { TT_NONE = -1 };
+
+/* Generated. */
+TT_LOCAL void tt_plant(const double *p, tt_state *s);
+
+/* polynomials.c */
+TT_LOCAL double tt_value(const double *c, int n, double u);
+TT_LOCAL double tt_largest(const double *c, int n);
+TT_LOCAL void tt_move(double *c, int n, double offset);
+TT_LOCAL double tt_first_crossing(const double *c, int n, double noise);
+
+/* impacts.c */
+TT_LOCAL double tt_noise(const tt_state *s);
+TT_LOCAL double tt_gap(const tt_state *s, int stop);
+TT_LOCAL void tt_constrain(const tt_state *s, double inverse[TT_SIZE(TT_STOPS)][TT_SIZE(TT_STOPS)]);
+TT_LOCAL int tt_settle(tt_state *s, double acceleration, int hit);
 
 #else
 
@@ -67,18 +126,14 @@ enum { TT_INDICATORS = TT_LEAPS + (TT_TORQUE_INPUT ? 1 : 0), TT_STATES = TT_TORQ
 
 /* All that an instance is in: copied as a whole to get and set its state. */
 typedef struct {
-    double time, theta, omega, alpha, torque;
-    double parameter[TT_SIZE(TT_PARAMETERS)];
+    TT_COMMON;
     double constant[TT_SIZE(TT_CONSTANTS)];
-    double output[TT_SIZE(TT_OUTPUTS)];
     double leap[TT_SIZE(TT_LEAPS)]; /* values of the steps of the loads, held between events */
     double step;                    /* step that the integrator tries next [s] */
     int direction;                  /* in which the shaft turns: 1, -1; 0 at standstill */
-    int initialized, parameters_changed, outputs_old;
 } tt_state;
 
 /* Generated. */
-TT_LOCAL void tt_start_values(double *p);
 TT_LOCAL void tt_constants(const double *p, double *c);
 TT_LOCAL void tt_outputs(const double *c, double theta, double omega, double alpha, double *y);
 TT_LOCAL void tt_leaps(const double *c, double theta, double omega, double *value, double *level);
@@ -86,11 +141,16 @@ TT_LOCAL double tt_acceleration(const double *c, double theta, double omega, dou
 
 #endif
 
-/* Runtime. */
+TT_LOCAL void tt_start_values(double *p); /* generated */
+
+/* variables.c */
 TT_LOCAL void tt_reset(tt_state *s);
-TT_LOCAL void tt_initialize(tt_state *s);
 TT_LOCAL int tt_get(tt_state *s, uint32_t reference, double *value);
 TT_LOCAL int tt_set(tt_state *s, uint32_t reference, double value);
+
+/* Runtime: runtime.c, chain.c or contact.c. */
+TT_LOCAL void tt_initialize(tt_state *s);
+TT_LOCAL void tt_bring_up_to_date(tt_state *s);
 TT_LOCAL void tt_get_states(const tt_state *s, double *x);
 TT_LOCAL void tt_set_states(tt_state *s, const double *x);
 TT_LOCAL void tt_derivatives(tt_state *s, double *derivative);
