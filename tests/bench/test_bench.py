@@ -34,7 +34,7 @@ PEERS = load_peers()
 @pytest.fixture(scope="module", autouse=True)
 def fewer_tables() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("textile_twin_core.bench.own_methods.TOLERANCES", (1e-6, 1e-13))
+        patch.setattr("textile_twin_core.bench.run.TOLERANCES", (1e-6, 1e-13))
         yield
 
 

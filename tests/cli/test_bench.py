@@ -22,7 +22,7 @@ def little_work(monkeypatch: pytest.MonkeyPatch) -> None:
     """Reduce the samples, sizes and conditions of all tables."""
     make: Callable[..., tuple[scenes.Scene, ...]] = scenes.scenes
     monkeypatch.setattr(run, "scenes", lambda machine, samples: make(machine, 2000)[:2])
-    monkeypatch.setattr("textile_twin_core.bench.own_methods.TOLERANCES", (1e-6, 1e-13))
+    monkeypatch.setattr("textile_twin_core.bench.run.TOLERANCES", (1e-6, 1e-13))
     monkeypatch.setattr(growth, "SAMPLES", (100, 1000))
     monkeypatch.setattr(growth, "MACHINES", (1,))
     monkeypatch.setattr(growth, "LINKAGES", (1, 4))

@@ -9,7 +9,7 @@ from mcap.writer import Writer
 
 from textile_twin_core.recordings import open_bag
 from textile_twin_core.recordings.cdr_encode import encode_floats
-from textile_twin_core.recordings.publish_clock import better_clock
+from textile_twin_core.recordings.recorded_clock import better_clock
 
 
 def write_floats(path: Path, logged: np.ndarray, published: np.ndarray, values: np.ndarray) -> Path:

@@ -13,7 +13,7 @@ from tests.views.conftest import START_NS, Run, rows_of, scalars_of
 from textile_twin_core.errors import TwinError
 from textile_twin_core.views import LiveView
 from textile_twin_core.views.buffer import Buffer
-from textile_twin_core.views.port import Port
+from textile_twin_core.views.live_recording import Port
 
 PATIENCE_S = 60.0
 NEVER_S = 3600.0

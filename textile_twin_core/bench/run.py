@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
+
 from textile_twin_core.bench.c_limit import c_candidates
-from textile_twin_core.bench.own_methods import own_candidates
 from textile_twin_core.bench.scenes import Workload, scenes
 from textile_twin_core.bench.timing import Candidate, one_core, take_turns
 from textile_twin_core.bench.yardsticks import yardsticks
 from textile_twin_core.errors import SceneError
 from textile_twin_core.machine import Machine
+from textile_twin_core.twin import Twin, compile_rigid
 
 _PEERS = "textile_twin_peers"
 """Name under which the package of other libraries is imported; it lies outside this package."""
+TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-13)
 
 
 @dataclass(frozen=True)
@@ -127,4 +130,29 @@ def _row(scene: Workload, candidate: Candidate) -> Row:
         candidate.note,
         tuple(seconds / candidate.samples * 1e9 for seconds in candidate.batch_times),
         tuple(seconds * 1e6 for seconds in candidate.single_times),
+    )
+
+
+def own_candidates(scene: Workload) -> Iterator[Candidate]:
+    """Build the exact method, and tables where they reach their tolerance."""
+    yield _candidate(scene, compile_rigid(scene.machine, scene.outputs, "exact"), "exact")
+    for tolerance in TOLERANCES:
+        try:
+            twin = compile_rigid(scene.machine, scene.outputs, "table", tolerance)
+        except SceneError:
+            continue
+        yield _candidate(scene, twin, f"table {tolerance:.0e}")
+
+
+def _candidate(scene: Workload, twin: Twin, method: str) -> Candidate:
+    out = dict(zip(scene.outputs, np.empty((len(scene.outputs), scene.samples)), strict=True))
+    theta, omega, alpha = scene.motion
+    one = (1.234, float(omega[0]), float(alpha[0]))
+    return Candidate(
+        method,
+        None,
+        batch=lambda: twin.evaluate(theta, omega, alpha, out=out),
+        samples=scene.samples,
+        single=lambda: twin.evaluate(*one),
+        result=lambda: out,
     )

@@ -15,8 +15,7 @@ from textile_twin_core.cli import compare_quantity
 from textile_twin_core.cli.arguments import Parser, add_machine, add_recording, number, shaft_settings
 from textile_twin_core.cli.mistakes import BeyondLimitError, UsageError
 from textile_twin_core.cli.named_machine import load_linkage
-from textile_twin_core.cli.outputs import print_rows
-from textile_twin_core.cli.places import check_output
+from textile_twin_core.cli.outputs import check_output, print_rows
 from textile_twin_core.cli.predicted import station_angles
 from textile_twin_core.cli.progress import stages
 from textile_twin_core.cli.readings import read_samples, read_second, readings_of

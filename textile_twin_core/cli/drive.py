@@ -13,7 +13,7 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.cli.arguments import MOST_RPM, Parser, add_machine, number, positive, samples, shaft_speed
 from textile_twin_core.cli.mistakes import UsageError, tell
 from textile_twin_core.cli.named_machine import load_linkage
-from textile_twin_core.cli.places import check_output, keep_input
+from textile_twin_core.cli.outputs import check_output, keep_input
 from textile_twin_core.cli.progress import shares
 from textile_twin_core.driveline import ChainMotion
 from textile_twin_core.driveline.free_motion import ElasticDriveResult, drive

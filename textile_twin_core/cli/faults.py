@@ -13,7 +13,7 @@ from pathlib import Path
 from textile_twin_core.cli import view
 from textile_twin_core.cli.arguments import Parser
 from textile_twin_core.cli.mistakes import UsageError
-from textile_twin_core.cli.places import check_output
+from textile_twin_core.cli.outputs import check_output
 from textile_twin_core.files import staged
 from textile_twin_core.recordings.fault_book import Fault, FaultBook
 

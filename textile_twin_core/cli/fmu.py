@@ -8,8 +8,7 @@ from pathlib import Path
 from textile_twin_core.cli.arguments import Parser, add_machine
 from textile_twin_core.cli.mistakes import UsageError, nearest, tell
 from textile_twin_core.cli.named_machine import load_machine
-from textile_twin_core.cli.outputs import print_rows
-from textile_twin_core.cli.places import check_output, keep_input
+from textile_twin_core.cli.outputs import check_output, keep_input, print_rows
 from textile_twin_core.files import staged
 from textile_twin_core.fmu import write_fmu
 from textile_twin_core.machine import AnyMachine, ContactMachine

@@ -10,7 +10,7 @@ from pathlib import Path
 from textile_twin_core.cli.arguments import Parser, add_machine, add_recording_topics, count
 from textile_twin_core.cli.mistakes import BeyondLimitError, UsageError, tell
 from textile_twin_core.cli.named_machine import load_linkage
-from textile_twin_core.cli.places import check_output
+from textile_twin_core.cli.outputs import check_output
 from textile_twin_core.cli.progress import on_terminal, stages
 from textile_twin_core.cli.recording_batch import add_workers, failed_line, memory_line
 from textile_twin_core.cli.sensor_options import add_sensors, topics_of, with_sensors

@@ -13,8 +13,7 @@ from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.cli.arguments import Parser, add_machine, add_recording, count, positive
 from textile_twin_core.cli.mistakes import UsageError, nearest, tell
 from textile_twin_core.cli.named_machine import load_linkage
-from textile_twin_core.cli.outputs import save_json
-from textile_twin_core.cli.places import check_output
+from textile_twin_core.cli.outputs import check_output, save_json
 from textile_twin_core.cli.progress import stages
 from textile_twin_core.cli.readings import tell_unit
 from textile_twin_core.cli.sensor_options import add_sensors, topics_of, with_sensors

@@ -6,8 +6,7 @@ import argparse
 from pathlib import Path
 
 from textile_twin_core.cli.arguments import Parser
-from textile_twin_core.cli.outputs import save_json
-from textile_twin_core.cli.places import check_output
+from textile_twin_core.cli.outputs import check_output, save_json
 from textile_twin_core.cli.progress import progress
 from textile_twin_core.cli.published_table import as_json, as_markdown, as_text
 from textile_twin_core.errors import OutputError

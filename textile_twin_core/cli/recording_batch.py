@@ -12,8 +12,7 @@ from typing import Any
 
 from textile_twin_core.cli.arguments import count
 from textile_twin_core.cli.mistakes import BeyondLimitError, UsageError, collected, tell
-from textile_twin_core.cli.outputs import save_json
-from textile_twin_core.cli.places import check_output
+from textile_twin_core.cli.outputs import check_output, save_json
 from textile_twin_core.cli.progress import progress
 from textile_twin_core.files import staged
 from textile_twin_core.machine import Machine

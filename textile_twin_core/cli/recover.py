@@ -7,7 +7,7 @@ from pathlib import Path
 
 from textile_twin_core.cli.arguments import Parser
 from textile_twin_core.cli.mistakes import tell
-from textile_twin_core.cli.places import keep_input
+from textile_twin_core.cli.outputs import keep_input
 from textile_twin_core.cli.progress import progress
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.recordings import BagWriter, open_bag

@@ -9,7 +9,7 @@ from textile_twin_core.cli.arguments import Parser, add_machine, add_recording, 
 from textile_twin_core.cli.drawn import write_drawn
 from textile_twin_core.cli.mistakes import UsageError, tell
 from textile_twin_core.cli.named_machine import load_machine
-from textile_twin_core.cli.places import check_output, keep_input
+from textile_twin_core.cli.outputs import check_output, keep_input
 from textile_twin_core.cli.progress import progress
 from textile_twin_core.cli.sensor_options import add_sensors, topics_of, with_sensors
 from textile_twin_core.files import staged

@@ -9,8 +9,7 @@ from pathlib import Path
 from textile_twin_core.cli.arguments import MOST_RPM, Parser, add_machine
 from textile_twin_core.cli.mistakes import tell
 from textile_twin_core.cli.named_machine import load_linkage
-from textile_twin_core.cli.outputs import save_json
-from textile_twin_core.cli.places import check_output
+from textile_twin_core.cli.outputs import check_output, save_json
 from textile_twin_core.driveline import CriticalSpeed, Resonances, ShaftMode, elastic_shaft, find_resonances
 from textile_twin_core.files import staged
 from textile_twin_core.machine import Machine

@@ -14,7 +14,7 @@ from textile_twin_core.cli.arguments import Parser, add_machine, number, positiv
 from textile_twin_core.cli.arguments import samples as sample_count
 from textile_twin_core.cli.mistakes import UsageError, nearest, tell
 from textile_twin_core.cli.named_machine import load_machine
-from textile_twin_core.cli.places import check_output, keep_input
+from textile_twin_core.cli.outputs import check_output, keep_input
 from textile_twin_core.cli.progress import progress, stages
 from textile_twin_core.contact import ContactEvent
 from textile_twin_core.errors import SceneError

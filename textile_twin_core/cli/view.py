@@ -10,7 +10,7 @@ from textile_twin_core.cli.arguments import Parser, add_machine, add_recording, 
 from textile_twin_core.cli.drawn import write_drawn
 from textile_twin_core.cli.mistakes import UsageError
 from textile_twin_core.cli.named_machine import is_machine, load_machine
-from textile_twin_core.cli.places import check_output
+from textile_twin_core.cli.outputs import check_output
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 from textile_twin_core.errors import TwinError
 from textile_twin_core.files import staged

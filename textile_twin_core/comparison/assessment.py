@@ -9,8 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from textile_twin_core.comparison.elastic_hypothesis import RIGID_NOTE, elastic_cause, elastic_hypothesis
-from textile_twin_core.comparison.evidence import REST_SHARE, Evidence, Settings
-from textile_twin_core.comparison.periodic import best_periodic
+from textile_twin_core.comparison.evidence import REST_SHARE, Evidence, Settings, best_periodic
 from textile_twin_core.comparison.range_ends import at_range_ends, range_end_note
 from textile_twin_core.comparison.readings import FEWEST_TURNS, AngleUnit, Readings, angle_unit, samples_per_turn
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack, shaft_track

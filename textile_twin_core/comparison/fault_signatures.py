@@ -9,11 +9,11 @@ import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.comparison.alignment import fast_speed
-from textile_twin_core.comparison.by_turn import turn_normals, turn_scores
 from textile_twin_core.comparison.evidence import Settings
 from textile_twin_core.comparison.range_ends import RangeEnds
 from textile_twin_core.comparison.shaft_track import TURN
 from textile_twin_core.comparison.torque_terms import TorqueTerms
+from textile_twin_core.comparison.uncertainty import turn_normals, turn_scores
 
 BINS = 36
 FEWEST_TORQUES_PER_TURN = 12

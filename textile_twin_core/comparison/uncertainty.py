@@ -1,4 +1,7 @@
-"""Uncertainties that hold under model error: residuals may be correlated within a turn of the shaft."""
+"""Uncertainties that hold under model error: residuals may be correlated within a turn of the shaft.
+
+They come from the sums of each turn, or from a bootstrap over whole turns.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,6 @@ import numpy as np
 import scipy
 
 from textile_twin_core.arrays import FloatArray, IntArray
-from textile_twin_core.comparison.by_turn import turn_normals, turn_scores
 from textile_twin_core.inference.robust import HUBER, robust_scale
 
 _ALONE = 1e-9
@@ -19,6 +21,27 @@ _FEW = 3.0
 """Degrees of freedom below which turns may agree by chance."""
 _UNTOLD = 0.5
 """Share of a parameter's variance that the turns must determine."""
+_DRAWS = 400
+_SEED = 20160614
+
+
+def turn_normals(columns: FloatArray, place: IntArray) -> FloatArray:
+    """Normal matrices (t, k, k) of columns (n, k); place: (n,) number of each sample's turn, from 0."""
+    turns, count = int(place.max(initial=-1)) + 1, columns.shape[1]
+    normals = np.empty((turns, count, count))
+    for row in range(count):
+        for column in range(row, count):
+            normals[:, row, column] = np.bincount(place, weights=columns[:, row] * columns[:, column])
+            normals[:, column, row] = normals[:, row, column]
+    return normals
+
+
+def turn_scores(columns: FloatArray, residual: FloatArray, place: IntArray) -> FloatArray:
+    """Right sides (t, k) of the same turns, for residuals (n,)."""
+    scores = np.empty((int(place.max(initial=-1)) + 1, columns.shape[1]))
+    for k, column in enumerate(columns.T):
+        scores[:, k] = np.bincount(place, weights=column * residual)
+    return scores
 
 
 @dataclass(frozen=True)
@@ -137,3 +160,28 @@ def _by_turns(
     degrees = np.maximum(trace**2 / np.maximum(squares, 1e-300), 1.0)
     degrees[trace < _UNTOLD * np.sum(root**2, axis=1)] = np.nan
     return np.einsum("tij,tj->ti", adjust, scores), degrees
+
+
+def bootstrap_moves(slopes: FloatArray, residual: FloatArray, turn: IntArray) -> FloatArray:
+    """Moves (draws, k) of the estimates when the turns of the record are resampled with replacement.
+
+    One Gauss-Newton step from the estimate for each draw, with pseudo-residuals of Huber's loss (the one-step bootstrap
+    of Shao and Tu 1995, section 3.5, with turns as blocks; Kuensch 1989 for blocks). Residuals of a turn stay
+    together, since they may be correlated.
+
+    Args:
+        slopes: (n, k) of the expected torque. residual: (n,) measured less expected.
+        turn: (n,) the turn to which each sample belongs.
+    """
+    pseudo = pseudo_residuals(residual)
+    sizes = np.sqrt(np.mean(slopes**2, axis=0)) + 1e-300
+    scaled = slopes / sizes
+    turns, place = np.unique(turn, return_inverse=True)
+    normals, scores = turn_normals(scaled, place), turn_scores(scaled, pseudo, place)
+    rng = np.random.default_rng(_SEED)
+    drawn = rng.multinomial(turns.size, np.full(turns.size, 1.0 / turns.size), size=_DRAWS).astype(np.float64)
+    total = np.einsum("dt,tij->dij", drawn, normals)
+    total += 1e-12 * np.trace(total, axis1=1, axis2=2)[:, None, None] * np.eye(slopes.shape[1])
+    moves = np.linalg.solve(total, (drawn @ scores)[..., None])[..., 0] / sizes
+    # With few blocks a bootstrap is too narrow, by the share of each block in the mean.
+    return np.asarray(moves * math.sqrt(turns.size / max(turns.size - 1.0, 1.0)))

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray, IntArray
-from textile_twin_core.comparison.bootstrap import bootstrap_moves
 from textile_twin_core.comparison.shaft_track import TURN
+from textile_twin_core.comparison.uncertainty import bootstrap_moves
 
 _ORDERS = 16  # of the turn
 _POINTS = 120  # a turn

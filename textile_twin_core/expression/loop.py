@@ -17,7 +17,7 @@ from textile_twin_core.compiling import align_stack, compile_for, compiled, is_a
 from textile_twin_core.expression import inline
 from textile_twin_core.expression.graph import Expr
 from textile_twin_core.expression.interpret import interpret
-from textile_twin_core.expression.source import statements
+from textile_twin_core.expression.scalar import statements
 from textile_twin_core.expression.traversal import topological_order
 
 _LONG: Final = 1024

@@ -23,11 +23,11 @@ from textile_twin_core.contact import (
     run_contact,
 )
 from textile_twin_core.errors import MachineError
-from textile_twin_core.machine.contact_urdf import contact_urdf
 from textile_twin_core.machine.declared import Declared
 from textile_twin_core.machine.protocol import Event
 from textile_twin_core.machine.sensors import Scene, Sensors
 from textile_twin_core.machine.sizes import computable
+from textile_twin_core.machine.urdf import contact_urdf
 from textile_twin_core.mechanism.group import check_finite
 from textile_twin_core.mechanism.law_strokes import Stroke, law_of_strokes
 from textile_twin_core.mechanism.law_table import LiftTable

@@ -17,7 +17,7 @@ from textile_twin_core.recordings.cdr_decode import MessageLayout, layouts
 from textile_twin_core.recordings.mcap_parts import DamageError
 from textile_twin_core.recordings.mcap_read import McapFile
 from textile_twin_core.recordings.message_types import FLOAT64, HEADER, JOINT_STATE, POINT, WRENCH
-from textile_twin_core.recordings.publish_clock import better_clock
+from textile_twin_core.recordings.recorded_clock import better_clock
 from textile_twin_core.recordings.recording import RecordedFile, Recording
 from textile_twin_core.recordings.rosbag2_metadata import TopicInfo
 from textile_twin_core.recordings.samples import AngleSamples, PointSamples, TorqueSamples

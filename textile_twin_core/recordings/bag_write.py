@@ -17,11 +17,10 @@ from textile_twin_core.files.atomic import partial_path, put_in_place, remove
 from textile_twin_core.recordings import rosbag2_metadata
 from textile_twin_core.recordings.bag_arrays import ArrayWriter
 from textile_twin_core.recordings.cdr_decode import Bytes, MessageBlock, gather
-from textile_twin_core.recordings.complete_files import CompleteFiles
 from textile_twin_core.recordings.mcap_write import McapFileWriter
 from textile_twin_core.recordings.output_place import check_place, is_empty_folder
 from textile_twin_core.recordings.recording import Progress, Recording
-from textile_twin_core.recordings.rosbag2_metadata import FileInfo, OfferedQos, TopicInfo
+from textile_twin_core.recordings.rosbag2_metadata import CompleteFiles, FileInfo, OfferedQos, TopicInfo
 from textile_twin_core.recordings.schemas import MessageSchema, message_schema
 
 _FLUSH_SECONDS = 1.0

@@ -1,4 +1,4 @@
-"""metadata.yaml of a rosbag2 folder, version 9: reader, and writer in the style of rosbag2 in Jazzy."""
+"""metadata.yaml of a rosbag2 folder, version 9: reader, writer in the style of rosbag2 in Jazzy, complete files."""
 
 from __future__ import annotations
 
@@ -220,3 +220,37 @@ def _mapping(value: object, file: Path) -> dict[str, Any]:
 
 def _unknown(file: Path) -> RecordingError:
     return RecordingError(f"{file}: no metadata of rosbag2 in it; remove metadata.yaml to read the .mcap alone")
+
+
+class CompleteFiles:
+    """List of the complete files, the oldest first."""
+
+    def __init__(self) -> None:
+        self.files: list[FileInfo] = []
+        self._bytes: list[int] = []
+
+    def append(self, file: FileInfo, size: int) -> None:
+        """Add the newest file and its size in bytes."""
+        self.files.append(file)
+        self._bytes.append(size)
+
+    @property
+    def bytes(self) -> int:
+        """Total size in bytes."""
+        return sum(self._bytes)
+
+    @property
+    def counts(self) -> Counter[str]:
+        """Total number of messages by topic."""
+        return total(self.files)
+
+    def drop_oldest(self, folder: Path, before_ns: int | None = None) -> bool:
+        """Remove the oldest file from its folder; return false without files."""
+        if not self.files:
+            return False
+        span_ns = self.files[0].span_ns
+        if before_ns is not None and span_ns is not None and span_ns[1] >= before_ns:
+            return False
+        self._bytes.pop(0)
+        (folder / self.files.pop(0).name).unlink(missing_ok=True)
+        return True

@@ -18,9 +18,8 @@ from numpy.polynomial import chebyshev
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.expression import Expr
 from textile_twin_core.expression.loop import Loop
-from textile_twin_core.twin.angle_grid import AngleGrid
 from textile_twin_core.twin.phase_steps import DIRECTION, PHASE
-from textile_twin_core.twin.pieces import Pieces
+from textile_twin_core.twin.pieces import AngleGrid, Pieces
 
 MOST_NODES = 4096
 _FEWEST_NODES = 32

@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     from textile_twin_core.views.motion_recording import write_motion_recording
     from textile_twin_core.views.orders_picture import orders_figure, plot_orders
     from textile_twin_core.views.orders_recording import write_orders_recording
-    from textile_twin_core.views.picture_recording import write_picture
     from textile_twin_core.views.plot import plot_comparison
     from textile_twin_core.views.recording import write_comparison_recording
     from textile_twin_core.views.report import write_report
+    from textile_twin_core.views.rrd_file import write_picture
     from textile_twin_core.views.viewer import open_viewer, screenshot, screenshots
 
 __all__ = [
@@ -64,7 +64,7 @@ __getattr__ = names_of(
         "write_element_recording": "element_views",
         "write_motion_recording": "motion_recording",
         "write_orders_recording": "orders_recording",
-        "write_picture": "picture_recording",
+        "write_picture": "rrd_file",
         "write_report": "report",
     },
 )

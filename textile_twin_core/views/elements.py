@@ -14,9 +14,8 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.contact import ContactEvent
 from textile_twin_core.views import palette
 from textile_twin_core.views.contact_events import ContactDrawing
-from textile_twin_core.views.frames import Frames
 from textile_twin_core.views.layout import TIMELINE, over_time, page, time_axis
-from textile_twin_core.views.recording_writer import at_times, scalars
+from textile_twin_core.views.recording_writer import Frames, at_times, scalars
 
 if TYPE_CHECKING:
     from textile_twin_core.machine import ContactMachine

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import socket
 import threading
 from abc import ABC, abstractmethod
 from collections import deque
@@ -16,11 +18,12 @@ import rerun.blueprint as rrb
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.errors import TwinError
 from textile_twin_core.views.buffer import Block, Buffer
-from textile_twin_core.views.port import Port
 from textile_twin_core.views.recording_writer import say
 from textile_twin_core.views.rrd_file import RrdFile
 
 _MOST_LINES = 1000  # event lines that wait to be drawn
+TRIED = 100
+"""Number of ports to try after the first."""
 
 
 class LiveRecording(ABC):
@@ -142,3 +145,41 @@ class LiveRecording(ABC):
         time = np.asarray((stamps - self._origin) * 1e-9, dtype=np.float64)
         self._latest_s = float(time[-1])
         self._buffers[name].put((time, *(np.atleast_1d(np.asarray(c, dtype=np.float64)) for c in columns)))
+
+
+class Port:
+    """Claimed port; the claim holds until `release` or the end of the process.
+
+    A port cannot be reserved before its server listens, so two servers that start together would both find it free. An
+    abstract socket (Linux) named after the port, which only one process can own, decides between them.
+
+    Args:
+        host: Address to serve on.
+        wanted: First port to try.
+
+    Raises:
+        TwinError: No port from `wanted` on is free, or the address is not of this computer.
+    """
+
+    def __init__(self, host: str, wanted: int) -> None:
+        for number in range(wanted, min(wanted + TRIED, 65535) + 1):
+            self.number, self._claim = number, socket.socket(socket.AF_UNIX)
+            try:
+                self._claim.bind(f"\0textile-twin-view-{number}")
+                _probe(host, number)
+                return
+            except OSError as error:
+                self._claim.close()
+                if error.errno != errno.EADDRINUSE:
+                    raise TwinError(f"cannot serve a live view on {host}:{number}: {error.strerror}") from error
+        raise TwinError(f"cannot serve a live view on {host}: all ports from {wanted} to {self.number} are taken")
+
+    def release(self) -> None:
+        """Release the claim."""
+        self._claim.close()
+
+
+def _probe(host: str, port: int) -> None:
+    with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        probe.bind((host, port))

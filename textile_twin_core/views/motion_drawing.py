@@ -9,10 +9,9 @@ import rerun as rr
 
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.views import static_scene
-from textile_twin_core.views.frames import Frames
 from textile_twin_core.views.measure_curves import MeasureCurves, marks_for, phase_rows_for
 from textile_twin_core.views.phases import Direction, inside_backing, state_changes
-from textile_twin_core.views.recording_writer import RecordingWriter
+from textile_twin_core.views.recording_writer import Frames, RecordingWriter
 from textile_twin_core.views.scene import PointPositions
 from textile_twin_core.views.whole_width import WholeWidth
 

@@ -14,11 +14,10 @@ from textile_twin_core.comparison import Comparison, summary_rows, verdict_lines
 from textile_twin_core.files.atomic import staged
 from textile_twin_core.views import static_scene
 from textile_twin_core.views.angle_canvas import RESIDUAL_SIZE, TORQUE_SIZE, AngleCanvas, canvas_for
-from textile_twin_core.views.frames import Frames
 from textile_twin_core.views.layout import Layout
 from textile_twin_core.views.measure_curves import marks_for, phase_rows_for
 from textile_twin_core.views.phases import Direction, inside_backing, state_changes
-from textile_twin_core.views.recording_writer import RecordingWriter, blocks, gap_times, turn_s
+from textile_twin_core.views.recording_writer import Frames, RecordingWriter, blocks, gap_times, turn_s
 from textile_twin_core.views.rrd_file import written
 from textile_twin_core.views.scene import PointPositions, build_scene
 from textile_twin_core.views.whole_width import WholeWidth, largest_twist

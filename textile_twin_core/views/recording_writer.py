@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import rerun as rr
 
-from textile_twin_core.arrays import FloatArray
+from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.comparison import AngleBins
 from textile_twin_core.comparison.alignment import GAP_PERIODS
 from textile_twin_core.views import palette
@@ -214,3 +215,19 @@ def say(stream: rr.RecordingStream, time_s: float, level: str, text: str) -> Non
 def at_times(time_s: FloatArray) -> list[rr.TimeColumn]:
     """Convert times (n,) [s] to the viewer's column of times."""
     return [rr.TimeColumn(TIMELINE, duration=np.round(time_s * 1e9).astype("timedelta64[ns]"))]
+
+
+class Frames:
+    """Selector of samples at a limited rate [Hz]."""
+
+    def __init__(self, rate_hz: float) -> None:
+        self._period_s, self._next_s = 1.0 / rate_hz, -math.inf
+
+    def of(self, time_s: FloatArray) -> IntArray:
+        """Return the indices of the samples to draw in the next block of increasing times (n,) [s]."""
+        chosen = []
+        for k, now in enumerate(time_s.tolist()):
+            if now >= self._next_s:
+                chosen.append(k)
+                self._next_s = now + self._period_s
+        return np.array(chosen, dtype=np.int64)
