@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command, before numpy is imported
-
 import pytest
 from hypothesis import settings
 from xdist.scheduler import LoadScopeScheduling
