@@ -6,12 +6,14 @@ import math
 
 import numpy as np
 
-from textile_twin_core.arrays import FloatArray
+from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.expression import Expr, interpret
 from textile_twin_core.expression.loop import Numpy
 
-_SAMPLES = 2049
+_SAMPLES, _FINE = 2049, 129
+"""Points of the first grid, and of the grid beside each of its minima."""
 _ROUNDS = 6
+"""Refinements; each narrows an interval by the factor 64."""
 _ROUNDING = 1e-13
 
 
@@ -32,10 +34,10 @@ def smallest_value(value: Expr, range_rad: tuple[float, float]) -> tuple[float, 
     found = values_over(value, theta)
     if np.isnan(found).any():
         return float(theta[np.isnan(found)][0]), -math.inf
-    return min((_closing_in(value, theta, found, i) for i in _lowest(found)), key=lambda best: best[1])
+    return _refined(value, theta, found, _lowest(found))
 
 
-def _lowest(found: FloatArray) -> list[int]:
+def _lowest(found: FloatArray) -> IntArray:
     """Select the samples that may lie beside the minimum.
 
     A sample qualifies if its value less its drop to a neighbour is below the lowest sample.
@@ -44,21 +46,24 @@ def _lowest(found: FloatArray) -> list[int]:
     reach = found - (np.maximum(before, after) - found)
     least = float(found.min()) - _ROUNDING * float(np.ptp(found))
     others = np.flatnonzero((found <= before) & (found <= after) & (reach < least))
-    return sorted({int(np.argmin(found)), *others.tolist()})
+    return np.union1d(others, np.argmin(found))
 
 
-def _closing_in(value: Expr, theta: FloatArray, found: FloatArray, i: int) -> tuple[float, float]:
-    """Refine the smallest value beside sample i of the grid."""
-    best = (float(theta[i]), float(found[i]))
-    for _ in range(_ROUNDS - 1):
-        low, high = float(theta[max(i - 1, 0)]), float(theta[min(i + 1, theta.size - 1)])
-        if not high - low > 1e-12:
+def _refined(value: Expr, theta: FloatArray, found: FloatArray, at: IntArray) -> tuple[float, float]:
+    """Refine the smallest value beside the samples `at` (k,) of a grid, all of them in one evaluation per round."""
+    angle, least = theta[at], found[at]
+    low, high = theta[np.maximum(at - 1, 0)], theta[np.minimum(at + 1, theta.size - 1)]
+    row, parts = np.arange(at.size), np.linspace(0.0, 1.0, _FINE)
+    for _ in range(_ROUNDS):
+        if not (high - low > 1e-12).any():
             break
-        theta = np.linspace(low, high, _SAMPLES)
-        found = values_over(value, theta)
-        if np.isnan(found).any():
-            return float(theta[np.isnan(found)][0]), -math.inf
-        i = int(np.argmin(found))
-        if found[i] < best[1]:
-            best = (float(theta[i]), float(found[i]))
-    return best
+        grid = low[:, None] + (high - low)[:, None] * parts
+        values = values_over(value, grid.ravel()).reshape(grid.shape)
+        if np.isnan(values).any():
+            return float(grid[np.isnan(values)][0]), -math.inf
+        i = np.argmin(values, axis=1)
+        lower = values[row, i] < least
+        angle, least = np.where(lower, grid[row, i], angle), np.where(lower, values[row, i], least)
+        low, high = grid[row, np.maximum(i - 1, 0)], grid[row, np.minimum(i + 1, _FINE - 1)]
+    best = int(np.argmin(least))
+    return float(angle[best]), float(least[best])
