@@ -17,6 +17,12 @@ from textile_twin_core.machines import tufting
 from textile_twin_core.twin import compile_machine
 
 ROOT = Path(__file__).parents[2]
+LITTLE_BENCH = """
+import textile_twin_core as ttc
+from textile_twin_core.bench import run_bench
+
+print({row.method for row in run_bench(ttc.machines.tufting(), rounds=1, samples=200, scene_names=["position"])})
+"""
 
 
 def needed(name: str, found: dict[str, Distribution]) -> None:
@@ -92,7 +98,8 @@ def test_machines_simulate_bench_and_published_need_no_extra(plain: Path, tmp_pa
             assert row[name] == pytest.approx(float(expected[name]), rel=1e-9, abs=1e-9)
     done = run(plain, "published", where=tmp_path)
     assert done.returncode == 0 and "tufting" in done.stdout.lower(), done.stderr
-    done = run(plain, "bench", "--rounds", "1", where=tmp_path)
+    assert run(plain, "bench", "--help", where=tmp_path).returncode == 0
+    done = run(plain.with_name("python"), "-c", LITTLE_BENCH, where=tmp_path)
     assert done.returncode == 0 and "exact" in done.stdout, done.stderr
 
 

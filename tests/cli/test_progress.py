@@ -22,8 +22,8 @@ CODE = "import sys; from textile_twin_core.cli.main import main; sys.exit(main(s
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Write a recording of twenty-four seconds."""
-    return write(tmp_path_factory.mktemp("long") / "bag", 12_000)
+    """Write a recording of twelve seconds."""
+    return write(tmp_path_factory.mktemp("long") / "bag", 6000)
 
 
 def write(path: Path, samples: int) -> Path:
@@ -87,8 +87,8 @@ def test_a_recording_of_seconds_is_shown_stage_by_stage(
 
 @pytest.mark.slow
 def test_monitor_counts_the_samples_of_each_recording(recording: Path, tmp_path: Path) -> None:
-    """Monitor recordings of 20 and 60 turns in one process and in two: the bar weights them by length."""
-    short = write(tmp_path / "a_short", 4000)
+    """Monitor recordings of 10 and 32 turns in one process and in two: the bar weights them by length."""
+    short = write(tmp_path / "a_short", 2000)
     for workers in ("1", "2"):
         options = ["--machine", "tufting", "--learn", "2", "--workers", workers]
         _, bar = shown("monitor", str(short), str(recording), *options, codes=(0, 3))
@@ -116,6 +116,6 @@ def test_import_shows_progress_and_asks_beside_its_bar(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_nothing_is_shown_elsewhere(recording: Path) -> None:
-    command = [sys.executable, "-c", CODE, "compare", str(recording), "--machine", "tufting"]
-    done = subprocess.run(command, capture_output=True, check=False, text=True, timeout=300)
+    command = ["compare", str(recording), "--machine", "tufting", "--quantity", "needle_position_m"]
+    done = subprocess.run([sys.executable, "-c", CODE, *command], capture_output=True, text=True, timeout=300)
     assert (done.returncode, done.stderr) == (0, "")

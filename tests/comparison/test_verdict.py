@@ -70,11 +70,13 @@ def test_what_is_too_small_to_be_named_is_no_torque_that_repeats() -> None:
         ("loom", ("degrees",), False),
         ("tufting", ("zero",), False),
         ("loom", ("friction",), True),
-        ("tufting", ("other_machine",), True),
         ("loom", ("slow_angle",), True),
         ("loom", ("half_turn",), False),
-        ("loom", ("flywheel",), True),
-        ("tufting", ("flywheel",), True),
+        *more(
+            ("tufting", ("other_machine",), True),
+            ("loom", ("flywheel",), True),
+            ("tufting", ("flywheel",), True),
+        ),
     ],
 )
 def test_a_mistake_is_named_first(machine: str, names: tuple[str, ...], run_up: bool) -> None:
@@ -126,7 +128,7 @@ def test_at_one_speed_zero_and_delay_are_one() -> None:
     ("ratio", "causes"), [(1.0, ["angle_unit"]), *more((1.0 / 3.0, ["angle_unit", "encoder_ratio"]))]
 )
 def test_an_angle_in_degrees_that_is_not_wrapped_is_seen_by_its_torque(ratio: float, causes: list[str]) -> None:
-    case = healthy("loom", 905, run_up=False, duration_s=12.0)
+    case = healthy("loom", 905, run_up=False, duration_s=6.0)
     case = replace(case, encoder=replace(case.encoder, turn=360.0, wrapped=False, ratio=ratio))
     assert [cause.cause for cause in judged(case).verdict[: len(causes)]] == causes
 
@@ -145,14 +147,14 @@ def test_a_single_wrap_is_not_noted_as_another_unit(turns: float, noted: bool) -
 )
 def test_another_machine_is_not_taken_for_another_unit(machine: str, run_up: bool) -> None:
     """The angle is not wrapped, so other units are tried."""
-    case, _ = mistaken(machine, ("other_machine",), 1, run_up=run_up, duration_s=12.0)
+    case, _ = mistaken(machine, ("other_machine",), 1, run_up=run_up, duration_s=6.0)
     case = replace(case, encoder=replace(case.encoder, wrapped=False))
     names = [cause.cause for cause in judged(case).verdict]
     assert names[0] == "other_machine" and "angle_unit" not in names
 
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")
-@pytest.mark.parametrize("force_N", [0.0, 1e-100, 1e-200])
+@pytest.mark.parametrize("force_N", [1e-200, *more(0.0, 1e-100)])
 def test_a_load_without_effect_is_left_as_it_is(force_N: float) -> None:
     made = record(healthy("tufting", 904, duration_s=10.0))
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
