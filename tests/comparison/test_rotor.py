@@ -105,6 +105,8 @@ def test_noise_and_ripple_give_no_false_cause(tmp_path: Path) -> None:
     stamps = np.rint(time * 1e9).astype(np.int64)
     step = 2.0 * np.pi / 2**14
     noisy = Readings(stamps, np.rint(theta / step) * step, stamps, torque)
-    assert {cause.cause for cause in assess(noisy, machine(tmp_path)).verdict} <= {"unmodelled_friction"}
+    (cause,) = assess(noisy, machine(tmp_path)).verdict
+    assert cause.cause == "unmodelled_friction"
+    assert cause.value == pytest.approx(3.0 * COULOMB_NM, abs=4.0 * cause.sigma) and cause.sigma < 0.1 * COULOMB_NM
     found = identify(noisy, machine(tmp_path)).parameters
     assert found["added_inertia_kgm2"].value == pytest.approx(0.0, abs=3.0 * found["added_inertia_kgm2"].sigma)

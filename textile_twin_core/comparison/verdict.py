@@ -7,6 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from textile_twin_core.comparison.readings import AngleUnit, shown_turn
 from textile_twin_core.inference.parameter import (
     COULOMB,
@@ -336,10 +338,19 @@ def _rotor(found: Judged, name: str) -> Cause:
 
 
 def _friction_departure(found: Judged) -> tuple[float, float]:
-    """Departure of the friction at working speed from the configured one, and its standard deviation [N m]."""
-    settled, speed = found.settled, abs(_speed(found))
-    away = settled.departure(COULOMB) + speed * settled.departure(VISCOUS)
-    return away, settled.sigma({COULOMB: 1.0, VISCOUS: speed})
+    """Departure of the friction at working speed from the configured one, and its standard deviation [N m].
+
+    Of the posterior if its friction departs. Otherwise of the settled values, since dry and viscous friction may each
+    stay within tolerance where their sum does not.
+    """
+    p, speed = found.posterior, abs(_speed(found))
+    if {COULOMB, VISCOUS}.isdisjoint(p.departing):
+        settled = found.settled
+        away = settled.departure(COULOMB) + speed * settled.departure(VISCOUS)
+        return away, settled.sigma({COULOMB: 1.0, VISCOUS: speed})
+    weights = np.array([1.0, speed])
+    sigma = math.sqrt(float(weights @ p.covariance((COULOMB, VISCOUS)) @ weights))
+    return p.departure(COULOMB) + speed * p.departure(VISCOUS), sigma
 
 
 def _friction(found: Judged) -> Cause:

@@ -16,7 +16,7 @@ from scipy.special import log_ndtr
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.inference.map_fit import Fit, prior_variance
 from textile_twin_core.inference.measurement import Measurement
-from textile_twin_core.inference.parameter import DELAY, ROTOR
+from textile_twin_core.inference.parameter import DELAY
 
 Departures = frozenset[str]
 EQUIVALENT_NATS = 3.0
@@ -100,8 +100,13 @@ class QuadraticEvidence:
 
 
 def is_one(measurement: Measurement, departing: Collection[str]) -> bool:
-    """Return true if a set contains both delay and inertia although a speed-controlled drive makes them look alike."""
-    return measurement.record.speed_controlled and {DELAY, ROTOR} <= set(departing)
+    """Return true for delay and an inertia of the shaft together: a speed-controlled drive makes them look alike.
+
+    Their difference is then mostly the error of the estimated acceleration, which an inertia that is too small removes.
+    """
+    if not measurement.record.speed_controlled or DELAY not in departing:
+        return False
+    return not measurement.model.shaft_inertias.isdisjoint(departing)
 
 
 def choose(measurement: Measurement, fit: Fit, inflation: float, start: Collection[str] = ()) -> Choice:

@@ -10,7 +10,7 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.inference.map_fit import Fit, map_fit
-from textile_twin_core.inference.parameter import COULOMB, DELAY, GAIN, HELD, OFFSET, ROTOR, VISCOUS, ZERO
+from textile_twin_core.inference.parameter import COULOMB, DELAY, GAIN, HELD, OFFSET, VISCOUS, ZERO
 from textile_twin_core.inference.posterior import Posterior
 
 _NORMAL95 = 1.959964
@@ -97,7 +97,7 @@ def settled_sensors(posterior: Posterior, both_directions: bool = False) -> froz
         free = (free - {ZERO, DELAY}) | ({kept} if kept == DELAY or ZERO in free else set())
     else:
         free |= {DELAY, VISCOUS}
-    if m.record.speed_controlled and ROTOR in free:
+    if m.record.speed_controlled and not m.model.shaft_inertias.isdisjoint(free):
         free -= {DELAY}
     if both_directions or (m.record.standstills and HELD not in posterior.departing):
         free |= {OFFSET}

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -37,6 +38,8 @@ _MOVED = 0.05
 _SPREAD_RAD = 0.03
 """Shaft angle over which a step of the load is smeared, so that the model has slopes there."""
 _BESIDE = 1e-6
+_ROUNDING = 1e-9
+"""Relative size of the rounding errors of slopes."""
 INERTIA, SQUARE, WEIGHT, DRY, DAMPING = range(5)
 
 
@@ -95,6 +98,17 @@ class TabulatedTorque:
     def mean_inertia(self) -> float:
         """Mean inertia of the shaft over the turn [kg m2]."""
         return float(np.mean(self._table[INERTIA]))
+
+    @cached_property
+    def shaft_inertias(self) -> frozenset[str]:
+        """Parameters that act as an inertia of the shaft itself, the same at all angles, as that of a crank."""
+        found = {ROTOR}
+        for p, slopes in zip(self.tabulated, self._slopes, strict=True):
+            rest = np.abs(slopes).max(axis=1)
+            rest[INERTIA] = np.ptp(slopes[INERTIA])
+            if np.all(rest < _ROUNDING * float(np.max(np.abs(slopes[INERTIA])))):
+                found.add(p.name)
+        return frozenset(found)
 
     def depends_on_angle(self) -> bool:
         """True if the torque depends on the shaft angle; without a linkage it does not."""
