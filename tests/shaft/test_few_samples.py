@@ -129,8 +129,8 @@ def test_filters_stay_finite_while_the_orders_change() -> None:
     estimator = create_estimator("causal")
     for part in np.split(np.stack([time, np.cumsum(speed) / 20.0]), 100, axis=1):
         states = estimator.step(*part)
-        status = estimator._status[0]
-        assert all(np.all(np.isfinite(status[name])) for name in ("clock", "factor", "ripple", "probability"))
+        filters = estimator._status["bank"]["filters"][0]
+        assert all(np.all(np.isfinite(filters[name])) for name in ("clock", "factor", "ripple", "probability"))
         assert np.all(np.isfinite(states.covariance))
 
 

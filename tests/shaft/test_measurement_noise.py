@@ -32,11 +32,11 @@ def test_half_the_readings_until_the_shaft_moved_by_a_step_count_as_one(
 ) -> None:
     """Parameters in steps of the encoder: the move per reading, its change per reading, and the jitter."""
     status = new_status(ShaftSettings(resolution_rad=1e-3))[0]
-    status["interval"] = 0.01
-    status["speed"], status["acceleration"] = steps * 0.1, bend * 10.0
-    status["jitter"] = (jitter * 1e-3 / (steps * 0.1)) ** 2 if jitter else 0.0
-    set_correlated(status)
-    assert float(status["correlated"]) == pytest.approx(count, rel=1e-9)
+    noise, track = status["noise"], status["track"]
+    track["speed"], track["acceleration"] = steps * 0.1, bend * 10.0
+    noise["jitter"] = (jitter * 1e-3 / (steps * 0.1)) ** 2 if jitter else 0.0
+    set_correlated(noise, track, 0.01)
+    assert float(noise["correlated"]) == pytest.approx(count, rel=1e-9)
 
 
 @pytest.mark.parametrize("seed", [2003, 2007])

@@ -82,14 +82,14 @@ def test_an_arm_that_stops_does_not_run_on(seed: int) -> None:
 
 def test_stamps_are_no_later_than_by_an_interval() -> None:
     """The residual of a decaying swing would be late stamps: 25 ms late, at intervals of 4 ms."""
-    status = new_status(ShaftSettings())
-    status["interval"], status["speed"], status["scale"] = 4e-3, 1e-4, 1.0
-    adapt_jitter(status[0], 1e-8)
-    assert 0.0 < status["jitter"][0] <= 4e-3**2
+    status = new_status(ShaftSettings())[0]
+    status["track"]["speed"], status["bank"]["filters"]["scale"] = 1e-4, 1.0
+    adapt_jitter(status["bank"], status["noise"], status["track"], 4e-3, 1e-8)
+    assert 0.0 < status["noise"]["jitter"] <= 4e-3**2
 
 
 def test_late_stamps_make_no_standstill() -> None:
     """Late by half an interval, a turning shaft's readings kept that variance to the end of the record."""
-    status = new_status(ShaftSettings(resolution_rad=1e-4))
-    status["interval"], status["speed"], status["jitter"], status["correlated"] = 4e-3, 10.0, 2e-3**2, 1.0
-    assert least_scale(status[0], 0.02**2) < 0.01
+    noise = new_status(ShaftSettings(resolution_rad=1e-4))["noise"][0]
+    noise["jitter"], noise["correlated"] = 2e-3**2, 1.0
+    assert least_scale(noise, 10.0, 4e-3, 0.02**2) < 0.01

@@ -75,8 +75,8 @@ def test_smoothed_states_and_covariances_are_those_of_the_joint_distribution(
     smoother = new_smoother(ShaftSettings(), COUNT)
     start = smoother.filtered[0]
     start[3:] = 50.0, 0.1, 1e-4, 3.0, 1e-3, 1e-3
-    filters = smoother.filters[0]
-    begin_at_state(smoother, float(rows["reading"][0]), 15.0, 0.0, filters["second"])
+    bank = smoother.bank[0]
+    begin_at_state(smoother, float(rows["reading"][0]), 15.0, 0.0, bank["models"]["second"])
     began = start.copy()
     filter_rows(smoother, rows)
     smooth_back(smoother, rows, 1, COUNT - 1)
@@ -98,7 +98,7 @@ def test_covariances_are_finite_and_positive_whatever_the_steps_noises_and_inten
         rows["noise"] = 10.0 ** rng.uniform(-14, 0, COUNT) * (rng.uniform(size=COUNT) > 0.3)
         rows["unit"] = 1e-6
         smoother.filtered[0, 3:] = 10.0 ** rng.uniform(-6, 6, 6)
-        begin_at_state(smoother, 0.0, 1.0, 0.0, smoother.filters[0]["second"])
+        begin_at_state(smoother, 0.0, 1.0, 0.0, smoother.bank[0]["models"]["second"])
         filter_rows(smoother, rows)
         smooth_back(smoother, rows, 1, COUNT - 1)
         assert np.all(np.isfinite(rows["covariance"][1:]))

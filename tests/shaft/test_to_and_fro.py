@@ -74,4 +74,5 @@ def test_a_pause_adds_no_noise() -> None:
     estimator.step(time[:2000], 30.0 * (time + late)[:2000])
     before = estimator.report.stamp_jitter_s
     estimator.step(time[2000:2010], 30.0 * (time + late)[2000:2010])
-    assert estimator._status["white"][0] / estimator._status["speed_squared"][0] < 4.0 * before**2
+    noise = estimator._status["noise"][0]
+    assert noise["white"] / noise["speed_squared"] < 4.0 * before**2

@@ -13,22 +13,22 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import layout
-from textile_twin_core.shaft.status import Record
+from textile_twin_core.shaft.status import Bank, Wave
 
 LEAST_SLOPE = 0.3  # of a clock over the angle, dphi/dtheta: a clock that stands still measures nothing
 
 
 @compiled_in_place
-def set_basis_at(status: Record, theta: float, waves: int) -> None:
+def set_basis_at(wave: Wave, theta: float, waves: int) -> None:
     """Set `basis` to cos and sin of lowest, 2 lowest .. 2 waves lowest times theta, alternating, unless it is so."""
-    if waves == 0 or (status.basis_at == theta and status.basis_waves >= waves):
+    if waves == 0 or (wave.basis_at == theta and wave.basis_waves >= waves):
         return
-    status.basis_at, status.basis_waves = theta, float(waves)
-    c, s = math.cos(status.lowest * theta), math.sin(status.lowest * theta)
+    wave.basis_at, wave.basis_waves = theta, float(waves)
+    c, s = math.cos(wave.lowest * theta), math.sin(wave.lowest * theta)
     ck, sk = c, s
     for k in range(2 * waves):
-        status.basis[2 * k] = ck
-        status.basis[2 * k + 1] = sk
+        wave.basis[2 * k] = ck
+        wave.basis[2 * k + 1] = sk
         ck, sk = ck * c - sk * s, sk * c + ck * s
 
 
@@ -65,13 +65,13 @@ def copy_numbers(source: FloatArray, target: FloatArray) -> None:
 
 
 @compiled_in_place
-def wave_at(status: Record, f: int, m: int, second: FloatArray, theta: float) -> tuple[float, float, float, float]:
+def wave_at(bank: Bank, f: int, m: int, second: FloatArray, theta: float) -> tuple[float, float, float, float]:
     """Return g and its first three derivatives at an angle: ripple of filter m of model f, plus `second` (., .)."""
-    ripple, waves, basis = status.ripple[:, m], status.waves[f], status.basis
-    set_basis_at(status, theta, waves)
+    ripple, waves, basis, lowest = bank.filters.ripple[:, m], bank.models.waves[f], bank.wave.basis, bank.wave.lowest
+    set_basis_at(bank.wave, theta, waves)
     g0 = g1 = g2 = g3 = 0.0
     for k in range(2 * waves):
-        order = status.lowest * (k + 1)
+        order = lowest * (k + 1)
         a, b = second[f, 2 * k], second[f, 2 * k + 1]
         if k < waves:
             a += ripple[2 * k]
@@ -86,12 +86,12 @@ def wave_at(status: Record, f: int, m: int, second: FloatArray, theta: float) ->
 
 
 @compiled_in_place
-def shaft_state(status: Record, f: int, m: int, clock: FloatArray, theta: float) -> tuple[float, float, float]:
+def shaft_state(bank: Bank, f: int, m: int, clock: FloatArray, theta: float) -> tuple[float, float, float]:
     """Return the shaft's angle, speed and acceleration from its clock (9,) and a filter's ripple, by one Newton step.
 
     The step starts from `theta`. Sets `slopes` for `gradient`.
     """
-    g, slopes = wave_at(status, f, m, status.shaft_second, theta), status.slopes
+    g, slopes = wave_at(bank, f, m, bank.models.shaft_second, theta), bank.wave.slopes
     shift = (clock[layout.ANGLE] - theta - g[0]) / max(1.0 + g[1], LEAST_SLOPE)
     slope, bend = g[1] + shift * g[2], g[2] + shift * g[3]
     even = 1.0 / max(1.0 + slope, LEAST_SLOPE)
@@ -131,16 +131,16 @@ def add_products(d: tuple[float, float, float], scale: float, covariance: FloatA
 
 
 @compiled_in_place
-def add_ripple_covariance(status: Record, waves: int, m: int, scale: float, covariance: FloatArray) -> None:
+def add_ripple_covariance(bank: Bank, waves: int, m: int, scale: float, covariance: FloatArray) -> None:
     """Add `scale` times the shaft's covariance (9,) by filter m's uncertain ripple, at the current basis and slopes."""
-    width, basis, sensitivity, factor = 2 * waves, status.basis, status.sensitivity, status.factor
-    jacobian = status.ripple_jacobian
+    width, wave, sensitivity, factor = 2 * waves, bank.wave, bank.filters.sensitivity, bank.filters.factor
+    basis, jacobian = wave.basis, wave.jacobian
     for i in range(width):
-        order = status.lowest * (i // 2 + 1)
+        order = wave.lowest * (i // 2 + 1)
         value, slope = basis[i], order * (-basis[i + 1] if i % 2 == 0 else basis[i - 1])
         jacobian[0, i], jacobian[1, i], jacobian[2, i] = gradient(
             sensitivity[2, i, m], sensitivity[1, i, m], sensitivity[0, i, m], value, slope, -order * order * value,
-            status.slopes,
+            wave.slopes,
         )  # fmt: skip
     for j in range(np.uint64(width)):
         s0 = s1 = s2 = 0.0

@@ -21,13 +21,13 @@ from textile_twin_core.shaft.states import INFLATION, OneState, ShaftStates
 from textile_twin_core.shaft.status import (
     COUNTS,
     MOTIONS,
-    PERSISTENT,
     ROW,
     STATE,
     WRAPPINGS,
     Records,
     Stamps,
     new_status,
+    status_of_next_record,
 )
 from textile_twin_core.shaft.teeth import ToothWheel
 from textile_twin_core.shaft.turns import TURN
@@ -118,10 +118,7 @@ class ShaftEstimator:
 
     def finish(self) -> ShaftStates:
         """End the record and return the remaining states; report and newest stamp persist, everything else is reset."""
-        fresh = new_status(self._settings, 2)
-        for name in PERSISTENT:
-            fresh[name] = self._status[name]
-        self._status = fresh
+        self._status = status_of_next_record(self._status, self._settings)
         self._begin()
         return ShaftStates.empty(self._last)
 
@@ -129,31 +126,32 @@ class ShaftEstimator:
     def report(self) -> SampleReport:
         """Counts of accepted and rejected samples and of events, and the estimated parameters."""
         now = self._status[0]
-        travel = abs(now["speed"]) * now["interval"]
-        state = "waiting" if now["accepted"] == 0 else MOTIONS[int(now["motion"])]
+        counts, sampling, track, noise = now["counts"], now["sampling"], now["track"], now["noise"]
+        travel = abs(track["speed"]) * sampling["interval"]
+        state = "waiting" if counts["accepted"] == 0 else MOTIONS[int(track["motion"])]
         return SampleReport(
-            received=int(now["received"]),
-            rejected={cause: int(now[cause]) for cause in REJECTION_CAUSES},
-            longest_gap_s=float(now["longest"]),
-            period_s=float(now["interval"]),
+            received=int(counts["received"]),
+            rejected={cause: int(counts[cause]) for cause in REJECTION_CAUSES},
+            longest_gap_s=float(sampling["longest"]),
+            period_s=float(sampling["interval"]),
             samples_per_turn=float(TURN / travel) if travel > 0.0 else float("inf"),
-            resolution_rad=float(now["resolution"]) if self._finder.step else 0.0,
-            stamp_jitter_s=float(np.sqrt(now["jitter"])),
+            resolution_rad=float(noise["resolution"]) if self._finder.step else 0.0,
+            stamp_jitter_s=float(np.sqrt(noise["jitter"])),
             pitch_errors_rad=() if self._wheel is None else tuple(self._wheel.errors_rad.tolist()),
             ripple=tuple(_ripple_amplitudes(self._status).tolist()),
-            wrapping=WRAPPINGS[int(now["wrapping"])],
-            state="lost" if state == "starting" and now["losses"] > 0 else state,
-            **{name: int(now[name]) for name in COUNTS},
+            wrapping=WRAPPINGS[int(now["unwrapping"]["wrapping"])],
+            state="lost" if state == "starting" and counts["losses"] > 0 else state,
+            **{name: int(counts[name]) for name in COUNTS},
         )
 
     def _walk(self, stamps: ArrayLike, angles: ArrayLike, velocities: ArrayLike | None) -> list[Part]:
         """Process samples in pieces, estimating the encoder's resolution in between; return the rows of each piece."""
         stamp, angle, velocity = _as_samples(stamps, angles, velocities)
         if self._kind != stamp.dtype.char:
-            if self._last.dtype != stamp.dtype and self._status["accepted"][0] > 0:
+            if self._last.dtype != stamp.dtype and self._status["counts"]["accepted"][0] > 0:
                 raise MotionError("stamps changed between integer nanoseconds and float seconds: keep to one, or reset")
             self._last, self._kind = self._last.astype(stamp.dtype), stamp.dtype.char
-            self._status["unit"] = 1e-9 if stamp.dtype == np.int64 else 1.0
+            self._status["sampling"]["unit"] = 1e-9 if stamp.dtype == np.int64 else 1.0
         if self._wheel is not None:
             angle = self._wheel.corrected(angle)
         parts: list[Part] = []
@@ -183,7 +181,9 @@ class ShaftEstimator:
         stamps = block.stamps
         count = run_filter(self._status, block, rows)
         if count < stamps.size:
-            stamps = stamps[rows["index"][:count].astype(np.int64) - (int(self._status["received"][0]) - stamps.size)]
+            stamps = stamps[
+                rows["index"][:count].astype(np.int64) - (int(self._status["counts"]["received"][0]) - stamps.size)
+            ]
         ready[:count] = stamps
         return count
 
@@ -241,9 +241,10 @@ def states_of(parts: list[Part]) -> ShaftStates:
 
 def _ripple_amplitudes(record: Records) -> FloatArray:
     """Return the amplitude of the speed's ripple in each order of the leading model, relative to the speed."""
-    status = record[0]
-    model = int(status["leading"])
-    waves = int(status["waves"][model])
-    ripple = status["ripple"][: 2 * waves, int(status["best"][model])] - status["sensor_ripple"][model][: 2 * waves]
+    bank = record["bank"][0]
+    models = bank["models"]
+    model = int(models["leading"])
+    waves, best = int(models["waves"][model]), int(models["best"][model])
+    ripple = bank["filters"]["ripple"][: 2 * waves, best] - models["sensor_ripple"][model][: 2 * waves]
     cosines, sines = ripple.reshape(-1, 2).T
-    return np.asarray(np.hypot(cosines, sines) * status["lowest"] * np.arange(1, waves + 1))
+    return np.asarray(np.hypot(cosines, sines) * bank["wave"]["lowest"] * np.arange(1, waves + 1))

@@ -19,7 +19,20 @@ from textile_twin_core.shaft import layout, measurement_noise, model_bank, outli
 from textile_twin_core.shaft.filter_bank import predict_reading, reset_ripple_covariance, update_second_order
 from textile_twin_core.shaft.kalman import time_update
 from textile_twin_core.shaft.residual_orders import add_systematic, average_orders, set_systematic
-from textile_twin_core.shaft.status import MANOEUVRE, RUNNING, STANDSTILL, STARTING, Record, Records, Stamps
+from textile_twin_core.shaft.status import (
+    MANOEUVRE,
+    RUNNING,
+    STANDSTILL,
+    STARTING,
+    Counts,
+    Records,
+    Repeats,
+    Row,
+    Sampling,
+    Stamps,
+    Status,
+    Track,
+)
 from textile_twin_core.shaft.turns import TURN, split_turn
 from textile_twin_core.shaft.unwrapping import USUAL_STEP, begin_unwrapping, unwrap_move, unwrap_reading
 
@@ -33,11 +46,13 @@ MAX_SPEED_SIGMA, LEAST_SPEED = 0.25, 0.3
 ROUNDED_APART = 1.3  # encoder steps beyond the predicted move from which two rounding errors are uncorrelated
 # innovation, in moves per interval, up to which a rejected reading still counts for the encoder's step
 MAX_STEP_INNOVATION = 1.5
-BUNCHED = 0.1  # part of the mean interval: readings closer in time arrived late, together, and are not used
+BUNCHED_STEP = 0.1  # part of the mean interval: readings closer in time arrived late, together, and are not used
 MOST_GAIN = 0.2  # maximum weight of a single move in their mean
 FORGET_NOISE = 0.9  # decay, per sample, of the noise that the process noise is relative to
 ADAPT_EVERY = 32.0  # samples between two adaptations of the jitter
 INTERVAL_SAMPLES, INTERVAL_EDGES = 500.0, 60.0  # memory of the mean interval; edges' intervals follow the speed
+
+EVEN, BUNCHED, FASTER = 0, 1, 2  # arrival of a reading: in time; late, together with the one before; at a higher rate
 
 
 @by_reference
@@ -55,7 +70,10 @@ class Block(NamedTuple):
 def run_filter(record: Records, block: Block, table: Records) -> int:
     """Filter a block of samples; fill a row of `table` for each accepted one and return their number.
 
-    `record` (2,) holds the status and, while the latest reading is provisional, the status without that reading.
+    Args:
+        record: (2,) STATUS, the second one for a provisional reading.
+        block: the samples.
+        table: (n,) ROW, output.
     """
     count = 0
     for i in range(block.stamps.size):
@@ -64,213 +82,321 @@ def run_filter(record: Records, block: Block, table: Records) -> int:
 
 
 @compiled_in_place
-def process_sample(record: Records, block: Block, i: int, row: Record) -> bool:
+def process_sample(record: Records, block: Block, i: int, row: Row) -> bool:
     """Filter sample `i` of a block and fill its row; return whether it was accepted.
 
     An outlier is accepted, too: its row has the predicted state and `noise` 0. `_admit` has the causes of a rejection.
     """
-    status, stamp, angle = record[0], block.stamps[i], block.angles[i]
+    status: Status = record[0]
+    stamp, angle = block.stamps[i], block.angles[i]
+    sampling, track, unwrapping = status.sampling, status.track, status.unwrapping
     block.unwrapped[i] = math.nan
-    if not _admit(status, block.last, stamp, angle):
+    if not _admit(status.counts, sampling.unit, block.last, stamp, angle):
         return False
-    step, confirmed = (stamp - block.last[0]) * status.unit, False
+    step, confirmed = (stamp - block.last[0]) * sampling.unit, False
     turns, phase = split_turn(angle)
-    raw = phase + (turns - status.origin) * TURN
-    if status.provisional > 0.0:
-        confirmed = outlier_gate.reconsider(record, raw, step, step > GAP_SAMPLES * status.interval)
+    raw = phase + (turns - unwrapping.origin) * TURN
+    if status.gate.provisional > 0.0:
+        confirmed = outlier_gate.reconsider(record, raw, step, step > GAP_SAMPLES * sampling.interval)
     block.last[0] = stamp
-    status.sensor_speed = block.velocities[i] if block.velocities.size > 0 else math.nan
-    status.samples += 1.0
-    row.index, row.settled = status.received - 1.0, -1.0
+    track.sensor_speed = block.velocities[i] if block.velocities.size > 0 else math.nan
+    sampling.samples += 1.0
+    row.index, row.settled = status.counts.received - 1.0, -1.0
     row.noise = row.gate_noise = row.cut = row.intensity = row.residual = 0.0
-    if status.samples == 1.0:
-        status.origin, status.time = turns, 0.0
-        status.angle = row.reading = row.angle = phase
+    if sampling.samples == 1.0:
+        unwrapping.origin, sampling.time = turns, 0.0
+        track.angle = row.reading = row.angle = phase
         row.origin = turns
-        begin_unwrapping(status, angle, phase)
+        begin_unwrapping(unwrapping, angle, phase)
         put_angle(row, phase)
     else:
-        status.time += step
-        status.longest = max(status.longest, step)
-        row.step, row.time, row.correlated = step, status.time, status.correlated
-        if status.samples == 2.0:
-            reading = unwrap_reading(status, raw, status.angle)
-            outlier_gate.initiate(status, step, reading, (reading - status.angle) / step, row)
+        sampling.time += step
+        sampling.longest = max(sampling.longest, step)
+        row.step, row.time, row.correlated = step, sampling.time, status.noise.correlated
+        if sampling.samples == 2.0:
+            reading = unwrap_reading(unwrapping, sampling.samples, raw, track.angle)
+            outlier_gate.initiate(status, step, reading, (reading - track.angle) / step, row)
         else:
             _process_reading(record, step, raw, row)
-        if status.provisional > 0.0:
+        if status.gate.provisional > 0.0:
             _report_provisional(record, row)
         else:
             _report_state(status, row)
-        row.interval = status.interval
+        row.interval = sampling.interval
         if confirmed and row.cut == 0.0 and row.noise > 0.0:
             row.cut = MANOEUVRE
     # Samples at the rate of the encoder's steps may skip a step and look like outliers: within a move they count, too.
-    if row.noise > 0.0 or abs(row.reading - status.angle) <= MAX_STEP_INNOVATION * abs(status.speed) * status.interval:
+    within = MAX_STEP_INNOVATION * abs(track.speed) * sampling.interval
+    if row.noise > 0.0 or abs(row.reading - track.angle) <= within:
         block.unwrapped[i] = row.reading
     return True
 
 
 @compiled_in_place
-def _admit(status: Record, last: Stamps, stamp: float, angle: float) -> bool:
+def _admit(counts: Counts, unit: float, last: Stamps, stamp: float, angle: float) -> bool:
     """Accept a sample with finite angle and stamp, newer than `last` (1,); count the cause of a rejection."""
-    status.received += 1.0
-    if not (abs(angle) <= LARGEST and abs(stamp * status.unit) <= LARGEST):  # false of NaN, too
-        status.not_finite += 1.0
+    counts.received += 1.0
+    if not (abs(angle) <= LARGEST and abs(stamp * unit) <= LARGEST):  # false of NaN, too
+        counts.not_finite += 1.0
         return False
-    since = (stamp - last[0]) * status.unit
-    if status.accepted > 0.0 and since < measurement_noise.FINEST_S:
-        status.duplicate_stamp += since >= 0.0
-        status.older_stamp += since < 0.0
+    since = (stamp - last[0]) * unit
+    if counts.accepted > 0.0 and since < measurement_noise.FINEST_S:
+        counts.duplicate_stamp += since >= 0.0
+        counts.older_stamp += since < 0.0
         return False
-    status.accepted += 1.0
+    counts.accepted += 1.0
     return True
 
 
 @compiled_in_place
-def _process_reading(record: Records, step: float, raw: float, row: Record) -> None:
+def _process_reading(record: Records, step: float, raw: float, row: Row) -> None:
     """Process a reading from the third on, `raw` [rad] before unwrapping, `step` [s] after the one before."""
-    status = record[0]
-    status.bunched = status.bunched + 1.0 if step < BUNCHED * status.interval else 0.0
-    # More than `most` in a row did not arrive late: the rate rose after a pause. Edges are stamped as they pass.
-    most = 1.0 if status.edges > 0.0 else measurement_noise.SETTLING
-    bunched, rate_rose = 0.0 < status.bunched <= most, status.bunched > most
-    if not bunched:
-        status.since += 1.0
-        status.since_slip += 1.0
-    spread = step * (status.speed_sigma + 0.5 * step * status.acceleration_sigma)
-    turn_unknown = step > 2.0 * status.interval and spread > MAX_SPREAD * status.period > 0.0
-    gap = turn_unknown or step > GAP_SAMPLES * status.interval
-    if not gap or status.since < GAP_SAMPLES:
-        gain = 1.0 / min(status.samples, INTERVAL_EDGES if status.edges > 0.0 else INTERVAL_SAMPLES)
-        status.interval += (min(step, GAP_SAMPLES * status.interval) - status.interval) * gain
-    expected = outlier_gate.predicted_angle(status, step)
-    if gap and status.since > 1.0:
-        status.gaps += 1.0
-        expected = unwrap_reading(status, raw, expected)
-        if status.since < measurement_noise.SETTLING or not outlier_gate.is_predicted(status, step, expected):
+    status: Status = record[0]
+    bank, sampling, track, unwrapping = status.bank, status.sampling, status.track, status.unwrapping
+    arrival, gap = _classify_arrival(sampling, step), _is_gap(sampling, track, unwrapping.period, step)
+    if arrival != BUNCHED:
+        sampling.since += 1.0
+        status.gate.since_slip += 1.0
+    if not gap or sampling.since < GAP_SAMPLES:
+        _average_interval(sampling, step)
+    expected = outlier_gate.predicted_angle(track, step)
+    variance = measurement_noise.measurement_variance(status.noise, track.speed)
+    if gap and sampling.since > 1.0:
+        status.counts.gaps += 1.0
+        expected = unwrap_reading(unwrapping, sampling.samples, raw, expected)
+        known = sampling.since >= measurement_noise.SETTLING
+        if not known or not outlier_gate.is_predicted(bank, variance, sampling.interval, step, expected):
             outlier_gate.bridge_gap(status, step, raw, row)
             return
-    longest = max(step, status.interval) if status.since < measurement_noise.SETTLING else status.interval
-    if status.repeat_share > measurement_noise.REPEATING:
-        longest *= 1.0 + status.longest_repeat
-    aliased = status.period > 0.0 and 2.0 * abs(status.speed) * longest > status.period
-    # Above half a period per interval the turn is ambiguous. A gap just after an initiation: its interval was wrong.
-    begins = (aliased and not bunched) or (gap and status.since <= 1.0)
-    if begins or bunched:
-        reading = unwrap_reading(status, raw, status.last_reading if begins else expected)
+    # A gap just after an initiation: its interval was wrong.
+    ambiguous = _is_turn_ambiguous(sampling, track, status.repeats, unwrapping.period, step)
+    begins = (gap and sampling.since <= 1.0) or (ambiguous and arrival != BUNCHED)
+    if begins or arrival == BUNCHED:
+        reading = unwrap_reading(unwrapping, sampling.samples, raw, unwrapping.last if begins else expected)
     else:
-        reading = unwrap_move(status, raw, expected, step)
-    innovation, rate = reading - expected, math.nan
-    if begins and (reading != status.last_reading or status.repeat_share <= measurement_noise.REPEATING):
-        rate = (reading - status.last_reading) / (step * (1.0 + status.repeat_run))
-    elif outlier_gate.is_false_start(status, reading, innovation, step):
-        status.additive, status.sense, rate = 0.0, 0.0, (reading - status.last_reading) / step
-    elif not bunched and outlier_gate.is_runaway(status, reading - status.last_reading, step):
-        status.fastest, rate = 0.0, math.copysign(status.travel, status.large_move) / status.interval
-    elif rate_rose:
-        rate = (reading - status.last_reading) / step
+        scaled = variance * bank.filters.scale[bank.models.best[bank.models.leading]]
+        reading = unwrap_move(unwrapping, sampling, track, raw, expected, scaled, step, status.repeats.run)
+    rate = _rate_of_new_track(status, arrival, begins, reading, reading - expected, step)
     if not math.isnan(rate):
-        status.losses += not rate_rose
+        status.counts.losses += arrival != FASTER
         outlier_gate.initiate(status, step, reading, rate, row)
         return
-    if status.guessed > 0.0:
-        measurement_noise.guess_resolution(status, reading - status.last_reading)
-    if (
-        max(abs(reading - status.last_reading - status.speed * step), abs(innovation))
-        > ROUNDED_APART * status.resolution
-    ):
-        status.correlated = row.correlated = 1.0
-    repeated = status.repeat_run
-    copied = bunched or measurement_noise.is_repetition(status, reading)
-    status.angle, row.reading = expected, reading
-    if status.bunched == 0.0 or status.bunched == most:
-        status.last_reading = reading
-    row.unit = noise = measurement_noise.measurement_variance(status)
-    row.noise = status.scale[status.best[status.leading]] * noise
-    density, turned = 0.0, abs(status.speed) * step
-    if not copied and step < USUAL_STEP * status.interval:
-        moved = measurement_noise.samples_between(status, repeated) * turned
-        status.move += (moved - status.move) * min(moved / TURN, MOST_GAIN)  # the mean of a turn
-    for f in range(1, layout.MODELS):
-        model_bank.begin_or_suspend(status, f, turned)
-    # Memory N: q = r / (N^6 T^5) (Kalata 1984). The noise of stamps vanishes at a stop, but q must follow the stop.
-    status.recent_noise = max(noise, FORGET_NOISE * status.recent_noise, measurement_noise.FINEST_MOTION)
-    strength = math.sqrt(status.recent_noise * step / status.interval**5)
-    for f in range(layout.MODELS - 1, -1, -1):
-        if status.active[f] > 0.0:
-            time_update(status, strength, step, layout.FIRST[f], layout.STOP[f])
-            was_observed = model_bank.is_observed(status, f)
-            status.travelled[f] = max(status.travelled[f], abs(status.angle - status.start_angle[f]))
-            if model_bank.is_observed(status, f) and not was_observed:
-                update_second_order(status, f)  # needed by the first likelihood that counts
-            # The ripple is evaluated at the reading until the model is observed, then at the predicted angle.
-            predict_reading(status, f, step, reading, expected if model_bank.is_observed(status, f) else reading, noise)
-            density += status.mode_probability[f] * status.density[f]
-    outlying = (density < OUTLIER_DENSITY or outlier_gate.is_alike(status, innovation)) and status.since > 5.0
+    repeated = status.repeats.run
+    copied = _classify_reading(status, arrival, reading, reading - expected, step, row)
+    track.angle, row.reading = expected, reading
+    variance = _predict(status, step, repeated, copied, row)
     if copied:
         row.noise = 0.0
-        status.repeats += 1.0
-    elif not outlying or outlier_gate.accept_manoeuvre(record, reading, innovation, step, row):
-        _update(status, innovation, reading, repeated, noise, row)
+        status.counts.repeats += 1.0
+    elif _passes_gate(record, reading, reading - expected, step, row):
+        settles = sampling.since - status.gate.rejected_run <= measurement_noise.SETTLING <= sampling.since
+        turning = _update(status, reading - expected, repeated, variance, row)
+        _adapt(status, reading, repeated, variance, turning, settles)
 
 
 @compiled_in_place
-def _update(status: Record, innovation: float, reading: float, repeated: float, noise: float, row: Record) -> None:
-    """Update filters and model probabilities with an accepted measurement, and adapt the measurement noise."""
-    status.used += 1.0
-    was_outlier = status.rejected_run > 0.0 and row.cut == 0.0 and not outlier_gate.is_growing(status, innovation)
+def _classify_arrival(sampling: Sampling, step: float) -> int:
+    """Count readings in a row that came close together; return EVEN, BUNCHED or FASTER.
+
+    More than a few in a row did not arrive late: the rate rose after a pause. Edges are stamped as they pass.
+    """
+    sampling.bunched = sampling.bunched + 1.0 if step < BUNCHED_STEP * sampling.interval else 0.0
+    if sampling.bunched == 0.0:
+        return EVEN
+    return BUNCHED if sampling.bunched <= _most_bunched(sampling) else FASTER
+
+
+@compiled_in_place
+def _most_bunched(sampling: Sampling) -> float:
+    """Return the maximum number of readings in a row that may have arrived late."""
+    return 1.0 if sampling.edges > 0.0 else measurement_noise.SETTLING
+
+
+@compiled_in_place
+def _is_gap(sampling: Sampling, track: Track, period: float, step: float) -> bool:
+    """Return whether the record has a gap: a long one, or one that leaves the turn of a wrapped angle ambiguous."""
+    spread = step * (track.speed_sigma + 0.5 * step * track.acceleration_sigma)
+    ambiguous = step > 2.0 * sampling.interval and spread > MAX_SPREAD * period > 0.0
+    return ambiguous or step > GAP_SAMPLES * sampling.interval
+
+
+@compiled_in_place
+def _average_interval(sampling: Sampling, step: float) -> None:
+    """Update the mean interval; those of edges follow the speed."""
+    gain = 1.0 / min(sampling.samples, INTERVAL_EDGES if sampling.edges > 0.0 else INTERVAL_SAMPLES)
+    sampling.interval += (min(step, GAP_SAMPLES * sampling.interval) - sampling.interval) * gain
+
+
+@compiled_in_place
+def _is_turn_ambiguous(sampling: Sampling, track: Track, repeats: Repeats, period: float, step: float) -> bool:
+    """Return whether a wrapped angle moves by more than half a period per interval."""
+    longest = max(step, sampling.interval) if sampling.since < measurement_noise.SETTLING else sampling.interval
+    if repeats.share > measurement_noise.REPEATING:
+        longest *= 1.0 + repeats.longest
+    return period > 0.0 and 2.0 * abs(track.speed) * longest > period
+
+
+@compiled_in_place
+def _rate_of_new_track(
+    status: Status, arrival: int, begins: bool, reading: float, innovation: float, step: float
+) -> float:
+    """Return the speed [rad/s] with which the track begins again at a reading; NaN where it continues."""
+    sampling, track, noise, repeats = status.sampling, status.track, status.noise, status.repeats
+    moved = reading - status.unwrapping.last
+    if begins and (moved != 0.0 or repeats.share <= measurement_noise.REPEATING):
+        return float(moved / (step * (1.0 + repeats.run)))
+    variance = measurement_noise.measurement_variance(noise, track.speed)
+    if outlier_gate.is_false_start(sampling, status.differences, variance, reading, innovation, step):
+        noise.additive, track.sense = 0.0, 0.0
+        return float(moved / step)
+    if arrival != BUNCHED and outlier_gate.is_runaway(status.gate, track, noise.resolution, moved, step):
+        track.fastest = 0.0
+        return float(math.copysign(status.gate.travel, repeats.large_move) / sampling.interval)
+    return float(moved / step) if arrival == FASTER else math.nan
+
+
+@compiled_in_place
+def _classify_reading(status: Status, arrival: int, reading: float, innovation: float, step: float, row: Row) -> bool:
+    """Compare a reading with the last one: guess the encoder's step; return whether it is late or a repeated value."""
+    noise, sampling, unwrapping = status.noise, status.sampling, status.unwrapping
+    moved = reading - unwrapping.last
+    if noise.guessed > 0.0:
+        measurement_noise.guess_resolution(noise, moved, status.repeats.run)
+    if max(abs(moved - status.track.speed * step), abs(innovation)) > ROUNDED_APART * noise.resolution:
+        noise.correlated = row.correlated = 1.0
+    before_rejected = status.differences.last_used if status.gate.rejected_run > 0.0 else unwrapping.last
+    late = arrival == BUNCHED
+    copied = late or measurement_noise.is_repetition(status.repeats, reading, unwrapping.last, before_rejected)
+    if not late or sampling.bunched == _most_bunched(sampling):
+        unwrapping.last = reading
+    return copied
+
+
+@compiled_in_place
+def _predict(status: Status, step: float, repeated: float, copied: bool, row: Row) -> float:
+    """Predict the reading of a row in all filters of the active models; set and return its variance [rad^2]."""
+    bank, sampling, track, noise = status.bank, status.sampling, status.track, status.noise
+    models, turned = bank.models, abs(track.speed) * step
+    row.unit = variance = measurement_noise.measurement_variance(noise, track.speed)
+    row.noise = bank.filters.scale[models.best[models.leading]] * variance
+    if not copied and step < USUAL_STEP * sampling.interval:
+        moved = measurement_noise.samples_between(status.repeats, repeated) * turned
+        sampling.move += (moved - sampling.move) * min(moved / TURN, MOST_GAIN)  # the mean of a turn
+    for f in range(1, layout.MODELS):
+        model_bank.begin_or_suspend(bank, status.orders, sampling, track, noise, f, turned)
+    # Memory N: q = r / (N^6 T^5) (Kalata 1984). The noise of stamps vanishes at a stop, but q must follow the stop.
+    noise.recent = max(variance, FORGET_NOISE * noise.recent, measurement_noise.FINEST_MOTION)
+    strength = math.sqrt(noise.recent * step / sampling.interval**5)
+    for f in range(layout.MODELS - 1, -1, -1):
+        if models.active[f] > 0.0:
+            time_update(bank.filters, strength, step, layout.FIRST[f], layout.STOP[f])
+            was_observed = model_bank.is_observed(bank, f)
+            models.travelled[f] = max(models.travelled[f], abs(track.angle - models.start_angle[f]))
+            observed = model_bank.is_observed(bank, f)
+            if observed and not was_observed:
+                update_second_order(bank, f)  # needed by the first likelihood that counts
+            # The ripple is evaluated at the reading until the model is observed, then at the predicted angle.
+            predict_reading(bank, f, step, row.reading, track.angle if observed else row.reading, variance)
+    return variance
+
+
+@compiled_in_place
+def _passes_gate(record: Records, reading: float, innovation: float, step: float, row: Row) -> bool:
+    """Return whether a reading is used: all filters find it probable, or it belongs to a manoeuvre."""
+    status: Status = record[0]
+    density = 0.0
+    models = status.bank.models
+    for f in range(layout.MODELS - 1, -1, -1):
+        if models.active[f] > 0.0:
+            density += models.mode_probability[f] * models.density[f]
+    outlying = density < OUTLIER_DENSITY or outlier_gate.is_alike(status.gate, innovation, status.sampling.used)
+    if not outlying or status.sampling.since <= 5.0:
+        return True
+    return outlier_gate.accept_manoeuvre(record, reading, innovation, step, row)
+
+
+@compiled_in_place
+def _update(status: Status, innovation: float, repeated: float, variance: float, row: Row) -> bool:
+    """Update filters, model probabilities and residual orders with an accepted reading; return whether it turns."""
+    bank, gate, sampling, track, noise = status.bank, status.gate, status.sampling, status.track, status.noise
+    sampling.used += 1.0
+    was_outlier = gate.rejected_run > 0.0 and row.cut == 0.0 and not outlier_gate.is_growing(gate, innovation)
     if was_outlier:
-        outlier_gate.learn_abruptness(status, False)
-    status.clean = 0.0 if was_outlier else status.clean + 1.0
-    settles = status.since - status.rejected_run <= measurement_noise.SETTLING <= status.since
-    status.rejected_run = status.innovation_before = status.last_innovation = 0.0
-    span, noticed = measurement_noise.samples_between(status, repeated) * status.interval, 3.0 * math.sqrt(row.noise)
-    turning = span * abs(status.speed) > noticed
+        outlier_gate.learn_abruptness(gate, False)
+    gate.clean = 0.0 if was_outlier else gate.clean + 1.0
+    gate.rejected_run = gate.innovation_before = gate.last_innovation = 0.0
+    span = measurement_noise.samples_between(status.repeats, repeated) * sampling.interval
+    noticed = 3.0 * math.sqrt(row.noise)
+    turning = span * abs(track.speed) > noticed
     # A ripple model may take a start for ripple, so that the mixture stands still; the plain model shows the start.
-    starting = span * abs(status.clock[layout.RATE, status.best[layout.PLAIN]]) > noticed
-    model_bank.update_mode_probabilities(status, noise, turning or starting)
+    starting = span * abs(bank.filters.clock[layout.RATE, bank.models.best[layout.PLAIN]]) > noticed
+    least = measurement_noise.least_scale(noise, track.speed, sampling.interval, variance)
+    model_bank.update_mode_probabilities(bank, sampling, track.speed, variance, least, turning or starting)
     if turning:
-        average_orders(status, noise)
-    share_before = status.repeat_share
-    measurement_noise.learn_repetitions(status, reading, repeated)
-    if share_before <= measurement_noise.REPEATING < status.repeat_share:
-        model_bank.reset_adaptation(status)
-    measurement_noise.adapt_additive_noise(status, reading)
-    if settles and status.ripple_tried == 0.0:
-        for f in range(1, layout.MODELS):  # prior covariances in units of the noise scale, which has converged now
-            reset_ripple_covariance(status, f, 0)
-    if status.used % ADAPT_EVERY == 0.0 and turning and status.since > ADAPT_EVERY / 2.0:
-        measurement_noise.adapt_jitter(status, noise)
+        average_orders(bank, status.orders, sampling, track.angle, variance)
+    return turning
 
 
 @compiled_in_place
-def _report_state(status: Record, row: Record) -> None:
+def _adapt(status: Status, reading: float, repeated: float, variance: float, turning: bool, settles: bool) -> None:
+    """Adapt repetitions, additive noise and jitter to a used reading of this variance [rad^2].
+
+    `settles`: the filters' noise scales have just converged.
+    """
+    bank, sampling, track, noise, repeats = status.bank, status.sampling, status.track, status.noise, status.repeats
+    share_before, moved = repeats.share, reading - status.differences.last_used
+    measurement_noise.learn_repetitions(repeats, noise, moved, sampling.used, repeated)
+    if share_before <= measurement_noise.REPEATING < repeats.share:
+        _reset_adaptation(status)
+    tried = bank.models.ripple_tried > 0.0
+    measurement_noise.adapt_additive_noise(noise, status.differences, sampling, track, reading, tried)
+    if settles and not tried:
+        for f in range(1, layout.MODELS):  # prior covariances in units of the noise scale, which has converged now
+            reset_ripple_covariance(bank, f, 0)
+    if sampling.used % ADAPT_EVERY == 0.0 and turning and sampling.since > ADAPT_EVERY / 2.0:
+        measurement_noise.adapt_jitter(bank, noise, track, sampling.interval, variance)
+
+
+@compiled_in_place
+def _reset_adaptation(status: Status) -> None:
+    """Reset everything but the plain states: repeated values were taken for readings so far."""
+    orders, repeats = status.orders, status.repeats
+    model_bank.reset_models(status.bank)
+    orders.sums[:] = 0.0
+    orders.average_weight = orders.reading_variance = orders.sensor_power = orders.high_orders = 0.0
+    orders.tail_observed = orders.tail_expected = status.track.fastest = 0.0
+    status.sampling.move *= 1.0 + 0.5 * (repeats.longest + repeats.before_move)
+    measurement_noise.begin_jitter(status.noise, status.sampling.interval)
+
+
+@compiled_in_place
+def _report_state(status: Status, row: Row) -> None:
     """Write the mixture's state and covariance, its convergence, and the smoothers' data into a row."""
-    model_bank.combine(status, row)
+    bank, sampling, track, noise, gate = status.bank, status.sampling, status.track, status.noise, status.gate
+    model_bank.combine(bank, track, row)
     sigma = math.sqrt(max(row.covariance[4], 0.0))
-    status.speed_sigma, status.acceleration_sigma = sigma, math.sqrt(max(row.covariance[8], 0.0))
-    measurement_noise.set_correlated(status)
-    least = measurement_noise.standstill_speed(status)
-    _detect_motion(status, sigma, least)
-    if status.samples > 2.0:
+    track.speed_sigma, track.acceleration_sigma = sigma, math.sqrt(max(row.covariance[8], 0.0))
+    measurement_noise.set_correlated(noise, track, sampling.interval)
+    least = measurement_noise.standstill_speed(noise, track.speed, sampling.interval)
+    _detect_motion(track, status.counts, sampling.since, sigma, least)
+    if sampling.samples > 2.0:
         # Bounded by the highest speed so far: outliers imitate speeds at which any sigma would pass.
-        speed = abs(status.speed) if status.fastest == 0.0 else min(abs(status.speed), status.fastest)
-        limit = max(MAX_SPEED_SIGMA * max(speed, LEAST_SPEED * status.fastest), least)
-        settled = sigma <= limit and status.unconfirmed == 0.0 and status.since >= measurement_noise.SETTLING
+        speed = abs(track.speed) if track.fastest == 0.0 else min(abs(track.speed), track.fastest)
+        limit = max(MAX_SPEED_SIGMA * max(speed, LEAST_SPEED * track.fastest), least)
+        settled = sigma <= limit and gate.unconfirmed == 0.0 and sampling.since >= measurement_noise.SETTLING
         row.settled = 1.0 if settled else 0.0
-    set_systematic(status, row)
+    set_systematic(bank.models, row, track.speed, least)
     add_systematic(row, 1.0)
     if row.noise > 0.0:
-        status.unconfirmed = max(status.unconfirmed - 1.0, 0.0)
-    row.angle, row.origin, row.leading = status.angle, status.origin, float(status.leading)
-    put_angle(row, status.angle)
+        gate.unconfirmed = max(gate.unconfirmed - 1.0, 0.0)
+    row.angle, row.origin, row.leading = track.angle, status.unwrapping.origin, float(bank.models.leading)
+    put_angle(row, track.angle)
     for f in range(layout.MODELS):
-        row.memory[f] = model_bank.memory_of(status, f)
+        row.memory[f] = model_bank.memory_of(bank, f)
 
 
 @compiled_in_place
-def _report_provisional(record: Records, row: Record) -> None:
+def _report_provisional(record: Records, row: Row) -> None:
     """Report the state with a provisional reading; smoothers treat it as rejected until the next one confirms it."""
     noise, row.noise = row.noise, 0.0
     _report_state(record[1], row)
@@ -280,24 +406,27 @@ def _report_provisional(record: Records, row: Record) -> None:
 
 
 @compiled_in_place
-def _detect_motion(status: Record, sigma: float, least: float) -> None:
-    """Detect standstill, slower than `least` [rad/s], and reversals; `sigma` [rad/s] is the speed's deviation."""
-    status.still = status.still + 1.0 if abs(status.speed) < least else 0.0
-    if status.since < measurement_noise.SETTLING:
-        status.motion = STARTING
-    elif status.still > measurement_noise.SETTLING:
-        status.standstills += status.motion != STANDSTILL
-        status.motion = STANDSTILL
-    elif status.still == 0.0 or status.motion != STANDSTILL:
-        status.motion = RUNNING
-    if abs(status.speed) > 10.0 * least + 3.0 * sigma:
-        sense = 1.0 if status.speed > 0.0 else -1.0
-        status.reversals += status.sense == -sense
-        status.sense = sense
+def _detect_motion(track: Track, counts: Counts, since: float, sigma: float, least: float) -> None:
+    """Detect standstill, slower than `least` [rad/s], and reversals; `sigma` [rad/s] is the speed's deviation.
+
+    `since`: samples since the track began.
+    """
+    track.still = track.still + 1.0 if abs(track.speed) < least else 0.0
+    if since < measurement_noise.SETTLING:
+        track.motion = STARTING
+    elif track.still > measurement_noise.SETTLING:
+        counts.standstills += track.motion != STANDSTILL
+        track.motion = STANDSTILL
+    elif track.still == 0.0 or track.motion != STANDSTILL:
+        track.motion = RUNNING
+    if abs(track.speed) > 10.0 * least + 3.0 * sigma:
+        sense = 1.0 if track.speed > 0.0 else -1.0
+        counts.reversals += track.sense == -sense
+        track.sense = sense
 
 
 @compiled_in_place
-def put_angle(row: Record, angle: float) -> None:
+def put_angle(row: Row, angle: float) -> None:
     """Write an angle [rad], relative to the row's origin, as whole turns and phase."""
     turns = np.floor(angle / TURN + 0.5)
     row.phase = angle - turns * TURN

@@ -74,8 +74,8 @@ class SmoothEstimator(ShaftEstimator):
     def _take(self, block: Block, ready: Stamps, rows: Records) -> int:
         count = super()._take(block, ready, rows)
         self._taken += block.stamps.size
-        if self._status["guessed"][0] > 0.0:
-            self._guessed = self._status["received"][0]
+        if self._status["noise"]["guessed"][0] > 0.0:
+            self._guessed = self._status["counts"]["received"][0]
         if self._taken == self._due:
             self._due += min(self._taken, LOOK_EVERY)
             self._keep_ripple()
@@ -90,7 +90,7 @@ class SmoothEstimator(ShaftEstimator):
             before, sigma_before, _ = _ripple(self._known[-1])
             if _rms(ripple - before) < max(CHANGED * reading, UNSURE * float(np.hypot(sigma, sigma_before))):
                 if sigma > LESS_SURE * sigma_before:
-                    self._known[-1]["received"] = self._confirmed["received"]
+                    self._known[-1]["counts"]["received"] = self._confirmed["counts"]["received"]
                     return
                 self._known.pop()
         self._known.append(self._confirmed.copy())
@@ -100,7 +100,7 @@ class SmoothEstimator(ShaftEstimator):
     @property
     def _confirmed(self) -> Records:
         """The filter's status without a provisional reading."""
-        return self._status[1:] if self._status["provisional"][0] > 0.0 else self._status[:1]
+        return self._status[1:] if self._status["gate"]["provisional"][0] > 0.0 else self._status[:1]
 
     def finish(self) -> ShaftStates:
         """Return the states of all samples from the third on."""
@@ -110,10 +110,10 @@ class SmoothEstimator(ShaftEstimator):
         self._blocks, self._new = [], []  # `joined` releases their memory
         stamps, rows = joined(blocks)
         self._keep_ripple()
-        if not self._known or self._known[-1]["received"][0] != self._confirmed["received"][0]:
+        if not self._known or self._known[-1]["counts"]["received"][0] != self._confirmed["counts"]["received"][0]:
             self._known.append(self._confirmed.copy())
         for status in self._known:  # ripple changes, the sensor does not
-            set_sensor_power(status, float(self._confirmed["sensor_power"][0]))
+            set_sensor_power(status[0], float(self._confirmed["orders"]["sensor_power"][0]))
         self._correct_standstills(rows)
         self._smooth(rows)
         super().finish()
@@ -124,16 +124,16 @@ class SmoothEstimator(ShaftEstimator):
 
         At standstill filters rely on the guessed step; while the shaft turns they estimate the noise.
         """
-        now, step = self._status[0], self._finder.step
+        noise, step = self._status["noise"][0], self._finder.step
         if step:
-            known = max(MOST_CORRELATED * step**2 / 12.0, now["additive"], now["standstill_noise"]) + FINEST_RAD2
+            known = max(MOST_CORRELATED * step**2 / 12.0, noise["additive"], noise["standstill"]) + FINEST_RAD2
             still = (rows["index"] < self._guessed) & (rows["noise"] == rows["unit"]) & (rows["unit"] > known)
             rows["noise"][still] = rows["unit"][still] = known
 
     def _smooth(self, rows: Records) -> None:
         """Smooth each stretch; repeat with a toothed wheel, whose pitch errors are estimated from the residuals."""
-        if self._status["repeat_share"][0] > REPEATING:
-            _reject_copies(rows, float(self._status["longest_repeat"][0]))
+        if self._status["repeats"]["share"][0] > REPEATING:
+            _reject_copies(rows, float(self._status["repeats"]["longest"][0]))
         cuts = np.flatnonzero(rows["cut"] >= STRETCH).tolist()
         stretches = [rows[first:end] for first, end in pairwise([*cuts, len(rows)])]
         for stretch in stretches:
@@ -159,7 +159,7 @@ class SmoothEstimator(ShaftEstimator):
         own, fits = rows["memory"][:first].copy(), []
         for memories in (own, np.min(rows["memory"][first:], axis=0)):
             rows["memory"][:first] = memories
-            fits.append(smooth_model(smoother, self._known[-1], layout.PLAIN, rows, 1, 0))
+            fits.append(smooth_model(smoother, self._known[-1]["bank"][0], layout.PLAIN, rows, 1, 0))
         if fits[0] > fits[1] + PENALTY * first:
             rows["memory"][:first] = own
 
@@ -173,14 +173,16 @@ class SmoothEstimator(ShaftEstimator):
         left = np.median((residual + change) ** 2) / max(np.median(residual**2), FINEST_RAD2)
         for field in ("noise", "unit"):
             rows[field] *= np.clip(left, LEAST_LEFT, 1.0)
-        last = self._known[-1][0]
-        mine, lowest = last["sensor_ripple"][int(last["leading"])].copy(), float(last["lowest"])
+        last = self._known[-1]["bank"][0]
+        mine = last["models"]["sensor_ripple"][int(last["models"]["leading"])].copy()
         for status in [*self._known, self._status]:
+            filters, models = status["bank"][0]["filters"], status["bank"][0]["models"]
             for f in range(1, layout.MODELS):
-                ripple, waves = status[0]["ripple"][:, status[0]["best"][f]], int(status[0]["waves"][f])
+                ripple, waves = filters["ripple"][:, models["best"][f]], int(models["waves"][f])
                 ripple[: 2 * waves] -= mine[: 2 * waves]
-                set_second(ripple, waves, lowest, status[0]["second"][f])
-            status["sensor_ripple"], status["shaft_second"] = 0.0, status["second"]
+                set_second(ripple, waves, float(last["wave"]["lowest"]), models["second"][f])
+            models = status["bank"]["models"]
+            models["sensor_ripple"], models["shaft_second"] = 0.0, models["second"]
 
     def _smooth_stretch(self, rows: Records, last: bool) -> None:
         """Smooth a stretch in parts of one model each, selected wherever the stored ripple changed.
@@ -188,7 +190,7 @@ class SmoothEstimator(ShaftEstimator):
         The `last` smoothing of a record corrects the noise of the readings first.
         """
         known, estimated = self._known, self._settings.stamp_jitter_s is None
-        changes = np.searchsorted(rows["index"], [status["received"][0] for status in known[:-1]])
+        changes = np.searchsorted(rows["index"], [status["counts"]["received"][0] for status in known[:-1]])
         led = np.bincount(rows["leading"].astype(np.int64), minlength=layout.MODELS) > LEAST_LED * len(rows)
         parts: list[tuple[int, Records, int]] = []
         for i, (first, end) in enumerate(pairwise([0, *changes.tolist(), len(rows)])):
@@ -207,8 +209,8 @@ class SmoothEstimator(ShaftEstimator):
             part = rows[begin : end + OVERLAP]
             if len(part) >= FEWEST:
                 smoother = new_smoother(self._settings, len(part))
-                smoother.filters["scale"][0, layout.SMOOTHER] = unit or 1.0
-                smooth_model(smoother, status, model, part, max(first - begin, 1), end - begin - 1)
+                smoother.bank["filters"]["scale"][0, layout.SMOOTHER] = unit or 1.0
+                smooth_model(smoother, status["bank"][0], model, part, max(first - begin, 1), end - begin - 1)
             if unit > 0.0:
                 self._noise_factor = LESS_NOISE * unit
                 rows["noise"][first:end] *= unit
@@ -231,7 +233,7 @@ class SmoothEstimator(ShaftEstimator):
                     _lower_noise(trial)
                 noise = trial["noise"][held]
                 trial["noise"][held] = 0.0
-                smooth_model(smoother, status, model, trial, 1, len(trial) - 1)
+                smooth_model(smoother, status["bank"][0], model, trial, 1, len(trial) - 1)
                 found.append(trial["residual"][held] ** 2)
             variances.append(trial["covariance"][held, 0] + noise)
         before, after, variance = (np.concatenate(found) for found in (*errors, variances))
@@ -247,15 +249,20 @@ class SmoothEstimator(ShaftEstimator):
         Candidates are the stored ripples of models that led, and the plain model: all ripples may be wrong here.
         """
         least, models = SEEN_CYCLES * (self._settings.cycle_turns * TURN), range(1, layout.MODELS)
-        tried = [(status, f) for status in known for f in models if led[f] and status["travelled"][0][f] >= least]
+        tried = [
+            (status, f)
+            for status in known
+            for f in models
+            if led[f] and status["bank"]["models"]["travelled"][0][f] >= least
+        ]
         if len(tried) != 1 or led[0]:
             tried.insert(0, (self._known[-1], layout.PLAIN))
         if len(tried) < 2:
             return tried[0]
         parts = _model_parts(rows)
         smoother, penalty = new_smoother(self._settings, max(map(len, parts))), np.log(sum(map(len, parts)))
-        fits = [sum(smooth_model(smoother, status, f, part, 1, 0) for part in parts) for status, f in tried]
-        waves = np.array([status["waves"][0][f] for status, f in tried])
+        fits = [sum(smooth_model(smoother, status["bank"][0], f, part, 1, 0) for part in parts) for status, f in tried]
+        waves = np.array([status["bank"]["models"]["waves"][0][f] for status, f in tried])
         return tried[int(np.argmax(np.asarray(fits) - penalty * waves))]
 
 
@@ -269,10 +276,14 @@ def _lower_noise(rows: Records) -> None:
 def _ripple(status: Records) -> tuple[FloatArray, float, float]:
     """Return coefficients (WIDEST,) of the leading ripple, their sigma (RMS over a turn) and a measurement's [rad]."""
     now = status[0]
-    index, width = int(now["best"][now["leading"]]), 2 * int(now["waves"][now["leading"]])
-    ripple, scale = np.where(np.arange(layout.WIDEST) < width, now["ripple"][:, index], 0.0), float(now["scale"][index])
-    sigma = _rms(now["factor"][:width, :width, index]) * np.sqrt(scale)
-    return ripple, sigma, float(np.sqrt(scale * measurement_variance(now)))
+    filters, models = now["bank"]["filters"], now["bank"]["models"]
+    index, width = int(models["best"][models["leading"]]), 2 * int(models["waves"][models["leading"]])
+    ripple, scale = (
+        np.where(np.arange(layout.WIDEST) < width, filters["ripple"][:, index], 0.0),
+        filters["scale"][index],
+    )
+    sigma = _rms(filters["factor"][:width, :width, index]) * np.sqrt(scale)
+    return ripple, sigma, float(np.sqrt(scale * measurement_variance(now["noise"], now["track"]["speed"])))
 
 
 def _rms(coefficients: FloatArray) -> float:

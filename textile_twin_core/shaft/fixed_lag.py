@@ -13,7 +13,7 @@ from textile_twin_core.shaft.filter import Block, process_sample
 from textile_twin_core.shaft.rts_smoother import Smoother, begin_at_row, is_far, new_smoother, set_ripple, smooth
 from textile_twin_core.shaft.settings import require_positive
 from textile_twin_core.shaft.states import ShaftStates
-from textile_twin_core.shaft.status import ROW, STRETCH, Records, Stamps
+from textile_twin_core.shaft.status import ROW, STRETCH, Bank, Records, Stamps, Status
 from textile_twin_core.shaft.unit_weight import FIRST_WEIGHT, adopt_weight, scale_covariances
 
 MOST_ROWS = 512  # maximum rows in the window: a longer lag at a high rate is cut
@@ -88,7 +88,7 @@ def _follow(record: Records, block: Block, window: Window, smoother: Smoother, r
     for i in range(block.stamps.size):
         last = progress.rows
         row = rows[last]
-        if not process_sample(record, block, i, row) or record[0].samples == 1.0:
+        if not process_sample(record, block, i, row) or record[0].sampling.samples == 1.0:
             continue
         window.stamps[last] = block.stamps[i]
         if row.cut >= STRETCH:
@@ -114,13 +114,16 @@ def _release(record: Records, due: int, window: Window, smoother: Smoother, read
     """Smooth the window and release the `due` rows after the first, if any; the last of these becomes the first."""
     if due <= 0:
         return
-    progress, status, filters = window.progress[0], record[0], smoother.filters[0]
-    known = status.since > 0.0  # otherwise it has restarted
-    if known and status.mode_probability[status.leading] > CERTAIN:
+    status: Status = record[0]
+    bank: Bank = smoother.bank[0]
+    progress = window.progress[0]
+    known = status.sampling.since > 0.0  # otherwise it has restarted
+    models = status.bank.models
+    if known and models.mode_probability[models.leading] > CERTAIN:
         # Another ripple means another clock, for which the state so far is inaccurate.
-        f = status.leading
-        progress.restart += f != filters.leading or status.waves[f] != filters.waves[f]
-        set_ripple(filters, status, f)
+        f = models.leading
+        progress.restart += f != bank.models.leading or models.waves[f] != bank.models.waves[f]
+        set_ripple(bank, status.bank, f)
     if progress.restart != 0 or is_far(smoother, window.filtered[0]):
         begin_at_row(smoother, window.filtered[0])
     progress.restart = 0

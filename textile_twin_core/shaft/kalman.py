@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from textile_twin_core.shaft import layout
-from textile_twin_core.shaft.status import Record
+from textile_twin_core.shaft.status import Filters
 
 FREEDOM = 6.0  # degrees of freedom of the innovations' Student t: delays of an operating system have heavy tails
 ROBUST = 9.0  # maximum normalised innovation squared: beyond it the measurement variance is inflated
@@ -22,7 +22,7 @@ HALF_JERK, LAST_JERK = math.sqrt(1.0 / 12.0), math.sqrt(1.0 / 720.0)
 
 
 @layout.vectorised
-def time_update(filters: Record, strength: float, step: float, first: int, end: int) -> None:
+def time_update(filters: Filters, strength: float, step: float, first: int, end: int) -> None:
     """Time update of filters first .. end - 1 over `step` [s]: constant acceleration driven by white jerk.
 
     Process noise of sqrt(q h) = jerk_strength * strength (Bar-Shalom, Li and Kirubarajan 2001, 6.2.3). A Givens
@@ -62,7 +62,7 @@ def time_update(filters: Record, strength: float, step: float, first: int, end: 
 
 
 @layout.vectorised
-def innovate(filters: Record, reading: float, noise: float, first: int, end: int) -> None:
+def innovate(filters: Filters, reading: float, noise: float, first: int, end: int) -> None:
     """Set innovations of a measurement in filters first .. end - 1 and their Student-t likelihoods, up to a constant.
 
     `ripple_reading` and `ripple_variance` (.) are the contributions of the ripple to the measurement and to the
@@ -87,7 +87,7 @@ def innovate(filters: Record, reading: float, noise: float, first: int, end: int
 
 
 @layout.vectorised
-def measurement_update(filters: Record, first: int, end: int) -> None:
+def measurement_update(filters: Filters, first: int, end: int) -> None:
     """Measurement update of filters first .. end - 1 (Carlson 1973), from the last column of L to the first.
 
     `projected` (3, .) is L' h with h the measurement's row; `gain` (3, .) becomes the gains.

@@ -7,8 +7,8 @@ import numpy as np
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import filter_bank, layout
 from textile_twin_core.shaft.clock import add_products, add_ripple_covariance, add_spread, dot, shaft_state
-from textile_twin_core.shaft.measurement_noise import begin_jitter, least_scale, standstill_speed
-from textile_twin_core.shaft.status import Record
+from textile_twin_core.shaft.measurement_noise import standstill_speed
+from textile_twin_core.shaft.status import Bank, Models, Noise, Orders, Row, Sampling, Track
 from textile_twin_core.shaft.turns import TURN
 
 # from one model to another at each sample, and of a model that enters after another one with ripple
@@ -37,144 +37,154 @@ SECOND_ORDER_EVERY = 8.0  # samples between updates of g2, which changes slowly
 
 
 @compiled_in_place
-def samples_a_turn(status: Record) -> float:
-    """Return the recent number of readings per turn."""
-    return float(TURN / max(status.move, 1e-9))
+def samples_a_turn(move: float) -> float:
+    """Return the number of readings per turn at a mean move [rad]."""
+    return float(TURN / max(move, 1e-9))
 
 
 @compiled_in_place
-def resolved_waves(status: Record, f: int, margin: float) -> int:
+def resolved_waves(bank: Bank, sampling: Sampling, f: int, margin: float) -> int:
     """Return the number of the model's orders that the readings per turn resolve."""
-    needed = margin * (EDGES_PER_WAVE if status.edges > 0.0 else SAMPLES_PER_WAVE) * status.lowest
-    return min(int(samples_a_turn(status) / needed), layout.MOST_WAVES[f])
+    needed = margin * (EDGES_PER_WAVE if sampling.edges > 0.0 else SAMPLES_PER_WAVE) * bank.wave.lowest
+    return min(int(samples_a_turn(sampling.move) / needed), layout.MOST_WAVES[f])
 
 
 @compiled_in_place
-def is_observed(status: Record, f: int) -> bool:
+def is_observed(bank: Bank, f: int) -> bool:
     """Return whether the shaft has turned enough for the model's ripple to be observable."""
-    return status.travelled[f] * status.lowest >= SEEN_CYCLES * TURN
+    return bank.models.travelled[f] * bank.wave.lowest >= SEEN_CYCLES * TURN
 
 
 @compiled_in_place
-def _turns_remembered(status: Record) -> float:
+def _turns_remembered(models: Models, move: float) -> float:
     """Return the memory of the leading filter, in turns."""
-    return float(layout.MEMORIES[status.best[status.leading]] / samples_a_turn(status))
+    return float(layout.MEMORIES[models.best[models.leading]] / samples_a_turn(move))
 
 
 @compiled_in_place
-def begin_or_suspend(status: Record, f: int, turned: float) -> None:
+def begin_or_suspend(
+    bank: Bank, orders: Orders, sampling: Sampling, track: Track, noise: Noise, f: int, turned: float
+) -> None:
     """Start, resize or suspend a model with ripple, `turned` [rad] after the last sample.
 
     A probable model does not restart at a higher speed: its ripple stays as a first guess.
     """
-    speed, improbable = abs(status.speed), status.mode_probability[f] <= IMPROBABLE
-    if improbable or f != status.leading:
-        pace = min(max(1.0 / _turns_remembered(status), 1.0), FASTEST_IDLE) if status.idle[f] > 0.0 else 1.0
-        status.idle[f] -= turned * pace
+    models, lowest = bank.models, bank.wave.lowest
+    speed, improbable = abs(track.speed), models.mode_probability[f] <= IMPROBABLE
+    if improbable or f != models.leading:
+        idle = models.idle[f] > 0.0
+        pace = min(max(1.0 / _turns_remembered(models, sampling.move), 1.0), FASTEST_IDLE) if idle else 1.0
+        models.idle[f] -= turned * pace
     else:
-        status.idle[f], status.next_idle[f] = 0.0, FIRST_IDLE
-    faster = speed > RESTART_SPEED * status.start_speed[f]
-    working = status.active[f] > 0.0 and not (improbable and faster)
-    resolved = resolved_waves(status, f, BEGIN) >= layout.LEAST_WAVES[f]
-    if not working and resolved and status.idle[f] <= 0.0 and (f < layout.HIGH or status.high_orders > HIGH_ORDERS):
-        _begin(status, f)
-        status.active[f], status.idle[f], status.travelled[f], status.mode_probability[f] = 1.0, 0.0, 0.0, 0.0
-        status.start_speed[f], status.start_angle[f] = max(speed, standstill_speed(status)), status.angle
-    elif status.active[f] > 0.0 and resolved_waves(status, f, KEEP) < layout.LEAST_WAVES[f]:
-        _withdraw(status, f)
-        status.active[f] = 0.0
-    elif status.active[f] > 0.0 and status.idle[f] * status.lowest < -TRIAL_CYCLES * TURN:
-        _end_trial(status, f)
-    if working and status.active[f] > 0.0:
-        _fit_waves(status, f, turned, is_observed(status, f) and not faster)
+        models.idle[f], models.next_idle[f] = 0.0, FIRST_IDLE
+    faster = speed > RESTART_SPEED * models.start_speed[f]
+    working = models.active[f] > 0.0 and not (improbable and faster)
+    resolved = resolved_waves(bank, sampling, f, BEGIN) >= layout.LEAST_WAVES[f]
+    wanted = f < layout.HIGH or orders.high_orders > HIGH_ORDERS
+    if not working and resolved and models.idle[f] <= 0.0 and wanted:
+        _begin(bank, sampling, f)
+        models.active[f], models.idle[f], models.travelled[f], models.mode_probability[f] = 1.0, 0.0, 0.0, 0.0
+        models.start_speed[f] = max(speed, standstill_speed(noise, track.speed, sampling.interval))
+        models.start_angle[f] = track.angle
+    elif models.active[f] > 0.0 and resolved_waves(bank, sampling, f, KEEP) < layout.LEAST_WAVES[f]:
+        _withdraw(models, f)
+        models.active[f] = 0.0
+    elif models.active[f] > 0.0 and models.idle[f] * lowest < -TRIAL_CYCLES * TURN:
+        _end_trial(bank, orders, sampling, f)
+    if working and models.active[f] > 0.0:
+        _fit_waves(bank, sampling, f, turned, is_observed(bank, f) and not faster)
         if faster:
-            filter_bank.reset_ripple_covariance(status, f, 0)
-            _withdraw(status, f)
-            status.start_speed[f], status.start_angle[f], status.travelled[f] = speed, status.angle, 0.0
+            filter_bank.reset_ripple_covariance(bank, f, 0)
+            _withdraw(models, f)
+            models.start_speed[f], models.start_angle[f], models.travelled[f] = speed, track.angle, 0.0
 
 
 @compiled_in_place
-def _withdraw(status: Record, f: int) -> None:
+def _withdraw(models: Models, f: int) -> None:
     """Give a model's probability to the plain model: the gate needs probabilities that sum to 1."""
-    status.mode_probability[0] += status.mode_probability[f]
-    status.mode_probability[f] = 0.0
+    models.mode_probability[0] += models.mode_probability[f]
+    models.mode_probability[f] = 0.0
 
 
 @compiled_in_place
-def _begin(status: Record, f: int) -> None:
+def _begin(bank: Bank, sampling: Sampling, f: int) -> None:
     """Start a model from the leading one, including its ripple, or else from the plain filter."""
-    known, m = layout.PLAIN, UNBIASED
-    if status.leading > 0 and is_observed(status, status.leading) and _turns_remembered(status) >= 1.0:
-        known, m = status.leading, status.best[status.leading]
-    filter_bank.begin_model(status, f, known, m, resolved_waves(status, f, BEGIN))
+    known, m, leading = layout.PLAIN, UNBIASED, bank.models.leading
+    if leading > 0 and is_observed(bank, leading) and _turns_remembered(bank.models, sampling.move) >= 1.0:
+        known, m = leading, bank.models.best[leading]
+    filter_bank.begin_model(bank, f, known, m, resolved_waves(bank, sampling, f, BEGIN))
 
 
 @compiled_in_place
-def _end_trial(status: Record, f: int) -> None:
+def _end_trial(bank: Bank, orders: Orders, sampling: Sampling, f: int) -> None:
     """End a trial: suspend the model, let it lead if it is simpler and as good, or extend it if it has more orders."""
-    comparable = status.mode_probability[f] > COMPARABLE
-    if f < status.leading:
-        enough = status.leading < layout.HIGH or status.high_orders <= HIGH_ORDERS
-        if comparable and enough and _turns_remembered(status) >= 1.0:
-            status.mode_probability[f] = 1.0
+    models, lowest = bank.models, bank.wave.lowest
+    comparable = models.mode_probability[f] > COMPARABLE
+    if f < models.leading:
+        enough = models.leading < layout.HIGH or orders.high_orders <= HIGH_ORDERS
+        if comparable and enough and _turns_remembered(models, sampling.move) >= 1.0:
+            models.mode_probability[f] = 1.0
             return
-    elif comparable and status.idle[f] * status.lowest > -LONGEST_TRIAL * TURN:
+    elif comparable and models.idle[f] * lowest > -LONGEST_TRIAL * TURN:
         return
-    status.active[f] = status.mode_probability[f] = status.idle[f] = 0.0
-    if f < status.leading or not comparable:
-        status.idle[f] = status.next_idle[f] * (SIMPLER_IDLE if f < status.leading else 1.0) * TURN / status.lowest
-        status.next_idle[f] = min(2.0 * status.next_idle[f], LONGEST_IDLE)
+    models.active[f] = models.mode_probability[f] = models.idle[f] = 0.0
+    if f < models.leading or not comparable:
+        models.idle[f] = models.next_idle[f] * (SIMPLER_IDLE if f < models.leading else 1.0) * TURN / lowest
+        models.next_idle[f] = min(2.0 * models.next_idle[f], LONGEST_IDLE)
 
 
 @compiled_in_place
-def _fit_waves(status: Record, f: int, turned: float, known: bool) -> None:
+def _fit_waves(bank: Bank, sampling: Sampling, f: int, turned: float, known: bool) -> None:
     """Adjust the number of orders to the readings per turn.
 
     New orders start late: an order that is not known yet would absorb part of a stop.
     """
-    waves, more = status.waves[f], resolved_waves(status, f, BEGIN)
-    status.resolved_angle[f] = status.resolved_angle[f] + turned if more > waves else 0.0
+    models = bank.models
+    waves, more = models.waves[f], resolved_waves(bank, sampling, f, BEGIN)
+    models.resolved_angle[f] = models.resolved_angle[f] + turned if more > waves else 0.0
     if not known:
-        waves = max(min(waves, resolved_waves(status, f, KEEP)), more)
-    elif status.resolved_angle[f] * status.lowest >= SEEN_CYCLES * TURN:
+        waves = max(min(waves, resolved_waves(bank, sampling, f, KEEP)), more)
+    elif models.resolved_angle[f] * bank.wave.lowest >= SEEN_CYCLES * TURN:
         waves = more
-    if waves != status.waves[f]:
-        filter_bank.resize(status, f, waves)
+    if waves != models.waves[f]:
+        filter_bank.resize(bank, f, waves)
 
 
 @compiled_in_place
-def reset_adaptation(status: Record) -> None:
+def reset_models(bank: Bank) -> None:
     """Reset everything but the plain states, noise scales included: the readings so far were misinterpreted."""
+    models = bank.models
     for m in range(layout.END[layout.PLAIN]):
-        status.scale_samples[m] = filter_bank.FIRST_SCALE_WEIGHT
-    status.active[1:] = status.mode_probability[1:] = status.idle[1:] = 0.0
-    status.mode_probability[0] = 1.0
-    status.leading = 0
-    status.order_sums[:] = status.uncertain_power[:] = 0.0
-    status.move *= 1.0 + 0.5 * (status.longest_repeat + status.large_move_repeats)
-    status.average_weight = status.reading_variance = status.sensor_power = status.high_orders = 0.0
-    status.tail_observed = status.tail_expected = status.fastest = 0.0
-    begin_jitter(status)
+        bank.filters.scale_samples[m] = filter_bank.FIRST_SCALE_WEIGHT
+    models.active[1:] = models.mode_probability[1:] = models.idle[1:] = 0.0
+    models.mode_probability[0] = 1.0
+    models.leading = 0
+    models.uncertain_power[:] = 0.0
 
 
 @compiled_in_place
-def update_mode_probabilities(status: Record, noise: float, turning: bool) -> None:
-    """Update all active models with a measurement, and their probabilities while the shaft turns."""
-    least = least_scale(status, noise)
-    total, count, entry = 0.0, 0, SWITCH_PROBABILITY if status.ripple_tried > 0.0 else 1.0
-    mode_probability = status.mode_probability
+def update_mode_probabilities(
+    bank: Bank, sampling: Sampling, speed: float, variance: float, least: float, turning: bool
+) -> None:
+    """Update all active models with a measurement of this variance, and their probabilities while the shaft turns.
+
+    `least`: lower bound of the filters' noise scale.
+    """
+    filters, models = bank.filters, bank.models
+    total, count, entry = 0.0, 0, SWITCH_PROBABILITY if models.ripple_tried > 0.0 else 1.0
+    mode_probability = models.mode_probability
     for f in range(layout.MODELS):
-        if status.active[f] > 0.0:
-            filter_bank.update_filters(status, f, noise, least)
-            observed = f > 0 and is_observed(status, f)
-            if observed and status.used % SECOND_ORDER_EVERY == 0.0:
-                filter_bank.update_second_order(status, f)
+        if models.active[f] > 0.0:
+            filter_bank.update_filters(bank, f, variance, least, speed, sampling.move)
+            observed = f > 0 and is_observed(bank, f)
+            if observed and sampling.used % SECOND_ORDER_EVERY == 0.0:
+                filter_bank.update_second_order(bank, f)
             if observed and turning and mode_probability[f] == 0.0:
                 mode_probability[f] = entry * SIMPLER ** (1 - f)
-                status.ripple_tried = 1.0
-            mode_probability[f] *= status.density[f if turning else layout.PLAIN]
+                models.ripple_tried = 1.0
+            mode_probability[f] *= models.density[f if turning else layout.PLAIN]
             first, stop = layout.FIRST[f], layout.STOP[f]
-            status.log_memory[f] = dot(status.probability[first:stop], status.logarithm[first:stop], stop - first)
+            models.log_memory[f] = dot(filters.probability[first:stop], filters.logarithm[first:stop], stop - first)
             total += mode_probability[f]
             count += 1
     for f in range(layout.MODELS):
@@ -183,49 +193,51 @@ def update_mode_probabilities(status: Record, noise: float, turning: bool) -> No
 
 
 @compiled_in_place
-def memory_of(status: Record, f: int) -> float:
+def memory_of(bank: Bank, f: int) -> float:
     """Return the mean log memory of a model that is probable, or active with fewer orders than the leading model.
 
     Any other model has the leading model's memory, so that smoothing compares all models on equal terms.
     """
-    simpler = f < status.leading and status.active[f] > 0.0 and is_observed(status, f)
-    own = f == 0 or status.mode_probability[f] > IMPROBABLE or simpler
-    return status.log_memory[f if own else status.leading]
+    models = bank.models
+    simpler = f < models.leading and models.active[f] > 0.0 and is_observed(bank, f)
+    own = f == 0 or models.mode_probability[f] > IMPROBABLE or simpler
+    return float(models.log_memory[f if own else models.leading])
 
 
 @compiled_in_place
-def combine(status: Record, row: Record) -> None:
-    """Set mean and covariance (9,) of the mixture of all filters, in the status and in a row."""
-    top = 0.0
+def combine(bank: Bank, track: Track, row: Row) -> None:
+    """Set mean and covariance (9,) of the mixture of all filters, in the track and in a row."""
+    filters, models, slopes, top = bank.filters, bank.models, bank.wave.slopes, 0.0
     for f in range(layout.MODELS):
-        share = status.mode_probability[f] * status.probability[status.best[f]]
+        share = models.mode_probability[f] * filters.probability[models.best[f]]
         if share > top:
-            top, status.leading = share, f
-    f, m, covariance = status.leading, status.best[status.leading], row.covariance
+            top, models.leading = share, f
+    f, covariance = models.leading, row.covariance
+    m = models.best[f]
     # Moments about the best filter's state: their differences do not cancel.
-    about, speed, acceleration = shaft_state(status, f, m, status.clock[:, m], status.angle)
+    about, speed, acceleration = shaft_state(bank, f, m, filters.clock[:, m], track.angle)
     total = by_angle = by_speed = by_acceleration = 0.0
     covariance[:] = 0.0
     for f in range(layout.MODELS):
-        if status.mode_probability[f] < MINOR * top:
+        if models.mode_probability[f] < MINOR * top:
             continue
         for m in range(layout.FIRST[f], layout.END[f]):
-            weight = status.mode_probability[f] * status.probability[m]
+            weight = models.mode_probability[f] * filters.probability[m]
             if weight < MINOR * top:
                 continue
-            theta, omega, alpha = shaft_state(status, f, m, status.clock[:, m], about)
+            theta, omega, alpha = shaft_state(bank, f, m, filters.clock[:, m], about)
             d0, d1, d2 = theta - about, omega - speed, alpha - acceleration
             total += weight
             by_angle += weight * d0
             by_speed += weight * d1
             by_acceleration += weight * d2
-            add_spread(status.clock[:, m], status.slopes, weight * status.scale[m], covariance)
+            add_spread(filters.clock[:, m], slopes, weight * filters.scale[m], covariance)
             add_products((d0, d1, d2), weight, covariance)
-            add_ripple_covariance(status, status.waves[f], m, weight * status.scale[m], covariance)
+            add_ripple_covariance(bank, models.waves[f], m, weight * filters.scale[m], covariance)
     mean = by_angle / total, by_speed / total, by_acceleration / total
     for place in range(9):
         covariance[place] /= total
     add_products(mean, -1.0, covariance)
-    status.angle = about + mean[0]
-    status.speed = row.speed = speed + mean[1]
-    status.acceleration = row.acceleration = acceleration + mean[2]
+    track.angle = about + mean[0]
+    track.speed = row.speed = speed + mean[1]
+    track.acceleration = row.acceleration = acceleration + mean[2]

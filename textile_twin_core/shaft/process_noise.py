@@ -6,7 +6,7 @@ import math
 
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft.measurement_noise import FINEST_MOTION, MOST_CORRELATED
-from textile_twin_core.shaft.status import Record, Records
+from textile_twin_core.shaft.status import Records, Row
 
 # independent samples until a filter detects a change; not an integer, so that rounding decides no comparison
 DELAY = 20.5
@@ -48,7 +48,7 @@ def set_initial_intensities(rows: Records, model: int) -> None:
 
 
 @compiled_in_place
-def _independent(row: Record, model: int) -> float:
+def _independent(row: Row, model: int) -> float:
     """Return the number of independent samples that a row counts for, at most 1."""
     return float(1.0 / max(row.correlated, min(math.exp(row.memory[model]) / STEADY, MOST_CORRELATED), 1.0))
 

@@ -14,9 +14,8 @@ from textile_twin_core.shaft import layout
 from textile_twin_core.shaft.clock import set_basis_at
 from textile_twin_core.shaft.filter_bank import SCALE_SAMPLES, set_shaft_second
 from textile_twin_core.shaft.kalman import ROBUST
-from textile_twin_core.shaft.measurement_noise import standstill_speed
 from textile_twin_core.shaft.model_bank import SECOND_ORDER_EVERY, samples_a_turn
-from textile_twin_core.shaft.status import Record, Records
+from textile_twin_core.shaft.status import Bank, Models, Orders, Row, Sampling, Status
 
 ORDERS = layout.WIDEST  # maximum number of averaged orders: the basis holds no more
 KEEP = 1.0 - 1.0 / SCALE_SAMPLES  # decay of an order's average at each reading
@@ -43,212 +42,216 @@ FALL = (np.arange(ORDERS) / np.arange(1.0, ORDERS + 1.0)) ** 6
 
 
 @compiled_in_place
-def average_orders(status: Record, noise: float) -> None:
+def average_orders(bank: Bank, orders: Orders, sampling: Sampling, angle: float, noise: float) -> None:
     """Average the Fourier coefficients of the leading filter's innovations, scaled to the readings' noise.
 
     Large single innovations are clipped as in the filter: otherwise a restart would leave the flat spectrum of a
     sensor.
     """
-    m = status.best[status.leading]
-    expected = noise + status.prior_variance[m]
-    unfollowed, most = noise / expected, math.sqrt(ROBUST * status.scale[m] * expected)
-    orders = _averaged_orders(status, layout.HIGH)
-    set_basis_at(status, status.angle, orders // 2)
-    part = 2.0 * math.sqrt(unfollowed) * min(max(status.innovation[m], -most), most) / SCALE_SAMPLES
-    for i in range(2 * orders):
-        status.order_sums[i] = KEEP * status.order_sums[i] + part * status.basis[i]
-    status.reading_variance += (status.scale[m] * noise - status.reading_variance) / SCALE_SAMPLES
-    status.average_weight += (1.0 - status.average_weight) / SCALE_SAMPLES
-    if status.leading != status.averaged_model:
-        status.averaged_model, status.averaged_since = float(status.leading), status.used
-    if status.used % SECOND_ORDER_EVERY == 0.0:
-        status.order_sums[2 * orders :] = 0.0  # no longer averaged
-        _set_sensor_power(status)
-        _detect_high_orders(status)
+    filters, models, basis = bank.filters, bank.models, bank.wave.basis
+    m = models.best[models.leading]
+    expected = noise + filters.prior_variance[m]
+    unfollowed, most = noise / expected, math.sqrt(ROBUST * filters.scale[m] * expected)
+    count = _averaged_orders(models, layout.HIGH)
+    set_basis_at(bank.wave, angle, count // 2)
+    part = 2.0 * math.sqrt(unfollowed) * min(max(filters.innovation[m], -most), most) / SCALE_SAMPLES
+    for i in range(2 * count):
+        orders.sums[i] = KEEP * orders.sums[i] + part * basis[i]
+    orders.reading_variance += (filters.scale[m] * noise - orders.reading_variance) / SCALE_SAMPLES
+    orders.average_weight += (1.0 - orders.average_weight) / SCALE_SAMPLES
+    if models.leading != orders.averaged_model:
+        orders.averaged_model, orders.averaged_since = float(models.leading), sampling.used
+    if sampling.used % SECOND_ORDER_EVERY == 0.0:
+        orders.sums[2 * count :] = 0.0  # no longer averaged
+        _set_sensor_power(bank, orders, sampling)
+        _detect_high_orders(bank, orders, sampling)
         for f in range(layout.MODELS):
-            if status.active[f] > 0.0:
-                _part_orders(status, f, unfollowed)
+            if models.active[f] > 0.0:
+                _part_orders(bank, orders, sampling, f, unfollowed)
 
 
 @compiled_in_place
-def set_sensor_power(record: Records, power: float) -> None:
+def set_sensor_power(status: Status, power: float) -> None:
     """Divide the orders between sensor and motion by the sensor's power known at the end of a record."""
-    status = record[0]
-    status.sensor_power = power
-    for f in range(1, layout.MODELS if status.average_weight > 0.0 else 1):
-        _part_orders(status, f, 1.0)
-        set_shaft_second(status, f)
+    bank, orders, sampling = status.bank, status.orders, status.sampling
+    orders.sensor_power = power
+    for f in range(1, layout.MODELS if orders.average_weight > 0.0 else 1):
+        _part_orders(bank, orders, sampling, f, 1.0)
+        set_shaft_second(bank.models, f)
 
 
 @compiled_in_place
-def set_systematic(status: Record, row: Record) -> None:
-    """Set a row's variances of angle, speed and acceleration by orders of uncertain origin."""
-    power = 1.0 if abs(status.speed) > standstill_speed(status) else 0.0
+def set_systematic(models: Models, row: Row, speed: float, least: float) -> None:
+    """Set a row's variances by orders of uncertain origin, at a speed [rad/s] that is no standstill above `least`."""
+    power = 1.0 if abs(speed) > least else 0.0
     for place in range(3):
-        row.systematic[place] = power * status.uncertain_power[status.leading, place]
-        power *= status.speed**2
+        row.systematic[place] = power * models.uncertain_power[models.leading, place]
+        power *= speed**2
 
 
 @compiled_in_place
-def add_systematic(row: Record, part: float) -> None:
+def add_systematic(row: Row, part: float) -> None:
     """Add the part `part` of these variances to a row's covariance."""
     for place in range(3):
         row.covariance[4 * place] += part * row.systematic[place]
 
 
 @compiled_in_place
-def _averaged_orders(status: Record, f: int) -> int:
+def _averaged_orders(models: Models, f: int) -> int:
     """Return the number of averaged orders: those of the largest model; twice as many while model HIGH is active."""
-    return ORDERS if f == layout.HIGH and status.active[f] > 0.0 else layout.MOST_WAVES[-1]
+    return ORDERS if f == layout.HIGH and models.active[f] > 0.0 else layout.MOST_WAVES[-1]
 
 
 @compiled_in_place
-def _top(status: Record, share: float, most: int) -> int:
+def _top(bank: Bank, sampling: Sampling, share: float, most: int) -> int:
     """Return the orders up to `share` of the samples per turn; half of the samples are resolved."""
-    return min(most, int(share * samples_a_turn(status) / status.lowest))
+    return min(most, int(share * samples_a_turn(sampling.move) / bank.wave.lowest))
 
 
 @compiled_in_place
-def _power(status: Record, f: int, k: int) -> float:
+def _power(bank: Bank, orders: Orders, f: int, k: int) -> float:
     """Return the squared amplitude of an order, in the ripple of model `f` or in the innovations."""
-    if k < status.waves[f]:
-        ripple = status.ripple[:, status.best[f]]
+    if k < bank.models.waves[f]:
+        ripple = bank.filters.ripple[:, bank.models.best[f]]
         return ripple[2 * k] ** 2 + ripple[2 * k + 1] ** 2
-    return (status.order_sums[2 * k] ** 2 + status.order_sums[2 * k + 1] ** 2) / status.average_weight**2
+    return (orders.sums[2 * k] ** 2 + orders.sums[2 * k + 1] ** 2) / orders.average_weight**2
 
 
 @compiled_in_place
-def _white_power(status: Record) -> float:
+def _white_power(orders: Orders) -> float:
     """Return the mean power of an order in white residuals."""
-    variance = status.reading_variance / status.average_weight
-    return 2.0 * variance / SCALE_SAMPLES * (2.0 / status.average_weight - 1.0)
+    variance = orders.reading_variance / orders.average_weight
+    return 2.0 * variance / SCALE_SAMPLES * (2.0 / orders.average_weight - 1.0)
 
 
 @compiled_in_place
-def _is_sensors(status: Record, k: int) -> bool:
+def _is_sensors(lowest: float, k: int) -> bool:
     """Return whether an order is whole: in cycles of several turns only whole orders can be the sensor's."""
-    return (k + 1) % int(1.0 / status.lowest + 0.5) == 0
+    return (k + 1) % int(1.0 / lowest + 0.5) == 0
 
 
 @compiled_in_place
-def _own_power(status: Record, k: int) -> float:
+def _own_power(bank: Bank, orders: Orders, k: int) -> float:
     """Return the power of the sensor's errors in an order."""
-    return status.sensor_power if _is_sensors(status, k) else 0.0
+    return orders.sensor_power if _is_sensors(bank.wave.lowest, k) else 0.0
 
 
 @compiled_in_place
-def _set_sensor_power(status: Record) -> None:
+def _set_sensor_power(bank: Bank, orders: Orders, sampling: Sampling) -> None:
     """Set the power of the sensor's errors in each order from the upper orders, unless too few are resolved.
 
     The mean logarithm is insensitive to single peaks, as of gears. The power counts as far as it does not fall with the
     order.
     """
-    f, top = status.leading, _top(status, 0.5, layout.MOST_WAVES[-1])
-    first = max(min(status.waves[f], layout.USUAL_WAVES) // 2, top // 4)
+    f, top = bank.models.leading, _top(bank, sampling, 0.5, layout.MOST_WAVES[-1])
+    first = max(min(bank.models.waves[f], layout.USUAL_WAVES) // 2, top // 4)
     middle, count, upper, lower, total = (first + top) // 2, 0, 0, 0.0, 0.0
-    settled = status.used - status.averaged_since > SCALE_SAMPLES
-    most = layout.MOST_WAVES[-1] if status.active[layout.HIGH] > 0.0 else layout.USUAL_WAVES
+    settled = sampling.used - orders.averaged_since > SCALE_SAMPLES
+    most = layout.MOST_WAVES[-1] if bank.models.active[layout.HIGH] > 0.0 else layout.USUAL_WAVES
     for k in range(first, top):
         # Orders that another model had until recently are not in the averages.
-        if _is_sensors(status, k) and (settled or k < status.waves[f] or k >= most):
-            power = math.log(max(_power(status, f, k), 1e-300))
+        if _is_sensors(bank.wave.lowest, k) and (settled or k < bank.models.waves[f] or k >= most):
+            power = math.log(max(_power(bank, orders, f, k), 1e-300))
             count, total = count + 1, total + power
             upper, lower = upper + (k >= middle), lower + (power if k < middle else 0.0)
     if count < FEWEST_ORDERS or upper == 0 or upper == count:
         return
     sigma = LOG_SIGMA * math.sqrt(1.0 / upper + 1.0 / (count - upper))
     fall = (lower / (count - upper) - (total - lower) / upper) / sigma
-    power, white = math.exp(total / count + LOG_MEAN), _white_power(status)
+    power, white = math.exp(total / count + LOG_MEAN), _white_power(orders)
     power = min(max(power - white, 0.0), 1.5 * max(power - FROM_WHITE * white, 0.0))
-    status.sensor_power = power * min(max((FALLING - fall) / (FALLING - FLAT), 0.0), 1.0)
+    orders.sensor_power = power * min(max((FALLING - fall) / (FALLING - FLAT), 0.0), 1.0)
 
 
 @compiled_in_place
-def _part_orders(status: Record, f: int, unfollowed: float) -> None:
+def _part_orders(bank: Bank, orders: Orders, sampling: Sampling, f: int, unfollowed: float) -> None:
     """Set the sensor's part of each order of a model's ripple (Wiener), and the variances of the uncertain part."""
     motion = 0.0
-    status.uncertain_power[f, :] = 0.0
-    for k in range(status.waves[f]):
-        own, power = _own_power(status, k), _power(status, f, k)
+    bank.models.uncertain_power[f, :] = 0.0
+    for k in range(bank.models.waves[f]):
+        own, power = _own_power(bank, orders, k), _power(bank, orders, f, k)
         motion *= FALL[k]
         if power > own * ABOVE_SENSOR:
             motion = max(power - own, motion)
         part = own / (motion + own) if own > 0.0 else 0.0
-        status.sensor_ripple[f, 2 * k] = part * status.ripple[2 * k, status.best[f]]
-        status.sensor_ripple[f, 2 * k + 1] = part * status.ripple[2 * k + 1, status.best[f]]
-        _add_uncertain_order(status, f, k, part * motion)
-    _add_uncertain_higher_orders(status, f, motion, unfollowed)
+        bank.models.sensor_ripple[f, 2 * k] = part * bank.filters.ripple[2 * k, bank.models.best[f]]
+        bank.models.sensor_ripple[f, 2 * k + 1] = part * bank.filters.ripple[2 * k + 1, bank.models.best[f]]
+        _add_uncertain_order(bank, f, k, part * motion)
+    _add_uncertain_higher_orders(bank, orders, sampling, f, motion, unfollowed)
 
 
 @compiled_in_place
-def _add_uncertain_higher_orders(status: Record, f: int, motion: float, unfollowed: float) -> None:
+def _add_uncertain_higher_orders(
+    bank: Bank, orders: Orders, sampling: Sampling, f: int, motion: float, unfollowed: float
+) -> None:
     """Add the motion of orders beyond the model to the uncertain variances, as far as the filter does not follow it.
 
     A significant order counts with its observed power. Otherwise the highest modelled orders predict it: by `motion`
     where they are partly the sensor's, else by their tail times its recently observed part. `unfollowed` is the part of
     the motion that the filter does not follow.
     """
-    white, fall, share, observed, expected = _white_power(status), 1.0, 1.0, 0.0, 0.0
-    if status.sensor_power == 0.0:
-        motion, fall = _tail(status, f)
-        share = (1.0 + status.tail_observed) / (1.0 + status.tail_expected)
+    white, fall, share, observed, expected = _white_power(orders), 1.0, 1.0, 0.0, 0.0
+    if orders.sensor_power == 0.0:
+        motion, fall = _tail(bank, orders, f)
+        share = (1.0 + orders.tail_observed) / (1.0 + orders.tail_expected)
         share = min(share, 1.0) if share > ENDED else 0.0
-    for k in range(
-        status.waves[f], _top(status, 0.5 if status.edges > 0.0 else RESOLVED_SHARE, _averaged_orders(status, f))
-    ):
-        own, power = _own_power(status, k), _power(status, f, k)
+    resolved = 0.5 if sampling.edges > 0.0 else RESOLVED_SHARE
+    for k in range(bank.models.waves[f], _top(bank, sampling, resolved, _averaged_orders(bank.models, f))):
+        own, power = _own_power(bank, orders, k), _power(bank, orders, f, k)
         motion *= FALL[k] * fall
         observed += motion * (min(power, motion + CHANCE * white) - white) / white**2
         expected += (motion / white) ** 2
         least = max(own * ABOVE_SENSOR, SIGNIFICANT * white)
-        _add_uncertain_order(status, f, k, unfollowed * (power - own if power > least else min(share * motion, power)))
-    if f == status.leading and status.sensor_power == 0.0:
+        _add_uncertain_order(bank, f, k, unfollowed * (power - own if power > least else min(share * motion, power)))
+    if f == bank.models.leading and orders.sensor_power == 0.0:
         gain, keep = SECOND_ORDER_EVERY / SCALE_SAMPLES, 1.0 - SECOND_ORDER_EVERY / TAIL_SAMPLES
-        status.tail_observed = keep * status.tail_observed + gain * observed
-        status.tail_expected = keep * status.tail_expected + gain * expected
+        orders.tail_observed = keep * orders.tail_observed + gain * observed
+        orders.tail_expected = keep * orders.tail_expected + gain * expected
 
 
 @compiled_in_place
-def _add_uncertain_order(status: Record, f: int, k: int, power: float) -> None:
+def _add_uncertain_order(bank: Bank, f: int, k: int, power: float) -> None:
     """Add an order of the given power to the uncertain variances."""
-    squared = (status.lowest * (k + 1)) ** 2
-    status.uncertain_power[f, 0] += 0.5 * power
-    status.uncertain_power[f, 1] += 0.5 * power * squared
-    status.uncertain_power[f, 2] += 0.5 * power * squared**2
+    squared = (bank.wave.lowest * (k + 1)) ** 2
+    bank.models.uncertain_power[f, 0] += 0.5 * power
+    bank.models.uncertain_power[f, 1] += 0.5 * power * squared
+    bank.models.uncertain_power[f, 2] += 0.5 * power * squared**2
 
 
 @compiled_in_place
-def _tail(status: Record, f: int) -> tuple[float, float]:
+def _tail(bank: Bank, orders: Orders, f: int) -> tuple[float, float]:
     """Predict the orders beyond the model: power of the next, and fall from each to the next beyond FALL.
 
     The power is 0 where the highest modelled orders are insignificant, as the ripple ends before them. The fall is that
     between the highest orders and those before.
     """
-    last, m, power, before, variance = status.waves[f], status.best[f], 0.0, 0.0, 0.0
+    last, m, power, before, variance = bank.models.waves[f], bank.models.best[f], 0.0, 0.0, 0.0
     if last < 2 * TAIL:
         return 0.0, 0.0
     for k in range(last - 2 * TAIL, last):
         weight = ((k + 1.0) / last) ** 6 / TAIL
         if k < last - TAIL:
-            before += weight * _power(status, f, k)
+            before += weight * _power(bank, orders, f, k)
             continue
-        power += weight * _power(status, f, k)
+        power += weight * _power(bank, orders, f, k)
         for i in range(2 * k, 2 * k + 2):
             for j in range(i + 1):
-                variance += weight * status.scale[m] * status.factor[j, i, m] ** 2
+                variance += weight * bank.filters.scale[m] * bank.filters.factor[j, i, m] ** 2
     fall = min((power / before) ** (1.0 / TAIL), 1.0) if before > 0.0 else 1.0
     return (power - variance) * fall if power > SIGNIFICANT * variance else 0.0, fall
 
 
 @compiled_in_place
-def _detect_high_orders(status: Record) -> None:
+def _detect_high_orders(bank: Bank, orders: Orders, sampling: Sampling) -> None:
     """Average whether motion has orders from the highest usual one on, in the ripple or in its residuals."""
-    f, present, white = status.leading, 0.0, _white_power(status)
-    settled = status.used - status.averaged_since > SCALE_SAMPLES
-    if not settled and status.waves[f] < layout.USUAL_WAVES:
+    f, present, white = bank.models.leading, 0.0, _white_power(orders)
+    settled = sampling.used - orders.averaged_since > SCALE_SAMPLES
+    if not settled and bank.models.waves[f] < layout.USUAL_WAVES:
         return
-    for k in range(layout.USUAL_WAVES - 1, _top(status, 0.5, layout.MOST_WAVES[-1])):
-        significant = _power(status, f, k) > max(ABOVE_SENSOR * _own_power(status, k), HIGH_SIGNIFICANT * white)
-        if significant and (settled or k < status.waves[f]):
+    for k in range(layout.USUAL_WAVES - 1, _top(bank, sampling, 0.5, layout.MOST_WAVES[-1])):
+        significant = _power(bank, orders, f, k) > max(
+            ABOVE_SENSOR * _own_power(bank, orders, k), HIGH_SIGNIFICANT * white
+        )
+        if significant and (settled or k < bank.models.waves[f]):
             present = 1.0
-    status.high_orders += (present - status.high_orders) * SECOND_ORDER_EVERY / SCALE_SAMPLES
+    orders.high_orders += (present - orders.high_orders) * SECOND_ORDER_EVERY / SCALE_SAMPLES

@@ -30,7 +30,7 @@ from textile_twin_core.shaft.process_noise import adapt_intensities, set_initial
 from textile_twin_core.shaft.residual_orders import add_systematic
 from textile_twin_core.shaft.ripple import set_sensitivity
 from textile_twin_core.shaft.settings import ShaftSettings
-from textile_twin_core.shaft.status import MANOEUVRE, STRETCH, Record, Records, new_status
+from textile_twin_core.shaft.status import MANOEUVRE, STRETCH, Bank, Records, Row, new_bank
 
 # squared distance from the bank's angle, in its variances, that restarts the smoother; without a reading
 FAR, SURELY_FAR = 9.0, 1e4
@@ -44,30 +44,30 @@ FAR_OFF = 4.0  # factor of a wrong process noise from which it is adapted again
 class Smoother(NamedTuple):
     """Arrays of a smoothing pass over n rows."""
 
-    filters: Records  # (1,) a status, of which filter SMOOTHER is used
+    bank: Records  # (1,) BANK, of which filter SMOOTHER is used
     filtered: FloatArray  # (n, 9) its filtered state and factor at each row, initial ones at the first
     smoothed: FloatArray  # (9,) smoothed state and factor in the backward pass
 
 
 def new_smoother(settings: ShaftSettings, rows: int) -> Smoother:
     """Allocate arrays for passes over at most `rows` rows."""
-    filters = new_status(settings)
-    filters["scale"][0, layout.SMOOTHER] = 1.0
-    return Smoother(filters, np.zeros((rows, 9)), np.zeros(9))
+    bank = new_bank(settings)
+    bank["filters"]["scale"][0, layout.SMOOTHER] = 1.0
+    return Smoother(bank, np.zeros((rows, 9)), np.zeros(9))
 
 
 @compiled_in_place
-def set_ripple(filters: Record, status: Record, model: int) -> None:
+def set_ripple(bank: Bank, source: Bank, model: int) -> None:
     """Copy the ripple of a model's best filter, and the covariance factor of its coefficients in radians."""
-    index, width = status.best[model], 2 * status.waves[model]
-    root = math.sqrt(status.scale[index])
-    filters.leading, filters.waves[model] = model, status.waves[model]
-    copy_numbers(status.second[model], filters.second[model])
-    copy_numbers(status.shaft_second[model], filters.shaft_second[model])
+    index, width = source.models.best[model], 2 * source.models.waves[model]
+    root = math.sqrt(source.filters.scale[index])
+    bank.models.leading, bank.models.waves[model] = model, source.models.waves[model]
+    copy_numbers(source.models.second[model], bank.models.second[model])
+    copy_numbers(source.models.shaft_second[model], bank.models.shaft_second[model])
     for i in range(width):
-        filters.ripple[i, layout.SMOOTHER] = status.ripple[i, index]
+        bank.filters.ripple[i, layout.SMOOTHER] = source.filters.ripple[i, index]
         for j in range(i + 1):
-            filters.factor[j, i, layout.SMOOTHER] = status.factor[j, i, index] * root
+            bank.filters.factor[j, i, layout.SMOOTHER] = source.filters.factor[j, i, index] * root
 
 
 @compiled_in_place
@@ -76,15 +76,16 @@ def begin_at_state(smoother: Smoother, theta: float, omega: float, alpha: float,
 
     `added` (., .) is `shaft_second`, or `second` where the angle is a reading.
     """
-    filters, start = smoother.filters[0], smoother.filtered[0]
-    g = wave_at(filters, filters.leading, layout.SMOOTHER, added, theta)
+    bank: Bank = smoother.bank[0]
+    start = smoother.filtered[0]
+    g = wave_at(bank, bank.models.leading, layout.SMOOTHER, added, theta)
     start[layout.ANGLE] = theta + g[0]
     start[layout.RATE] = omega * (1.0 + g[1])
     start[layout.ACCELERATION] = alpha * (1.0 + g[1]) + omega * omega * g[2]
 
 
 @compiled_in_place
-def begin_at_row(smoother: Smoother, row: Record) -> None:
+def begin_at_row(smoother: Smoother, row: Row) -> None:
     """Set the initial state and covariance factor from the state of a row."""
     start, p = smoother.filtered[0], row.covariance
     start[layout.L00] = math.sqrt(p[8])
@@ -92,14 +93,14 @@ def begin_at_row(smoother: Smoother, row: Record) -> None:
     start[layout.L11] = math.sqrt(max(p[4] - start[layout.L10] ** 2, 1e-9 * p[4]))
     start[layout.L21] = (p[1] - start[layout.L10] * start[layout.L20]) / start[layout.L11]
     start[layout.L22] = math.sqrt(max(p[0] - start[layout.L20] ** 2 - start[layout.L21] ** 2, 1e-9 * p[0]))
-    begin_at_state(smoother, row.angle, row.speed, row.acceleration, smoother.filters[0].shaft_second)
+    begin_at_state(smoother, row.angle, row.speed, row.acceleration, smoother.bank[0].models.shaft_second)
 
 
 @compiled_in_place
-def is_far(smoother: Smoother, row: Record) -> bool:
+def is_far(smoother: Smoother, row: Row) -> bool:
     """Return whether the initial angle is far from the bank's at a row, and a used reading is not closer to it."""
-    filters = smoother.filters[0]
-    g = wave_at(filters, filters.leading, layout.SMOOTHER, filters.shaft_second, row.angle)
+    bank: Bank = smoother.bank[0]
+    g = wave_at(bank, bank.models.leading, layout.SMOOTHER, bank.models.shaft_second, row.angle)
     angle = smoother.filtered[0, layout.ANGLE] - g[0]
     if row.noise > 0.0 and abs(row.reading - angle) <= 2.0 * abs(row.reading - row.angle):
         return False
@@ -107,20 +108,22 @@ def is_far(smoother: Smoother, row: Record) -> bool:
 
 
 @compiled_in_place
-def smooth_model(smoother: Smoother, record: Records, model: int, rows: Records, first: int, last: int) -> float:
-    """Smooth (n,) rows with a model's ripple, from the first reading on; write the states of rows `first` .. `last`.
+def smooth_model(smoother: Smoother, source: Bank, model: int, rows: Records, first: int, last: int) -> float:
+    """Smooth (n,) rows with the ripple of a model in the bank `source`, from the first reading on.
 
-    Returns the log-likelihood of all readings but the first, up to a constant.
+    Writes the states of rows `first` .. `last`. Returns the log-likelihood of all readings but the first, up to a
+    constant.
     """
-    filters, start = smoother.filters[0], rows[0]
-    set_ripple(filters, record[0], model)
+    bank: Bank = smoother.bank[0]
+    start: Row = rows[0]
+    set_ripple(bank, source, model)
     for i in range(rows.size):
         rows[i].intensity = 0.0
     if start.cut == STRETCH:
         begin_at_row(smoother, start)
     else:
         set_start(smoother.filtered[0], start.reading, start.speed, start.noise or start.unit, rows[1].step)
-        begin_at_state(smoother, start.reading, start.speed, 0.0, filters.second)
+        begin_at_state(smoother, start.reading, start.speed, 0.0, bank.models.second)
     smooth(smoother, rows, 1, 0)
     total = filter_rows(smoother, rows)
     if first <= last:
@@ -141,11 +144,11 @@ def smooth(smoother: Smoother, rows: Records, first: int, last: int) -> None:
                 if j == i or rows[j].noise == 0.0:
                     rows[j].memory[:] = math.log(0.5)
                     rows[j].noise = max(rows[j].noise, rows[i].unit)
-    filters = smoother.filters[0]
+    bank: Bank = smoother.bank[0]
     for i in range(rows.size):
-        g = wave_at(filters, filters.leading, layout.SMOOTHER, filters.second, rows[i].angle)
+        g = wave_at(bank, bank.models.leading, layout.SMOOTHER, bank.models.second, rows[i].angle)
         rows[i].clock = rows[i].reading + g[0]
-    set_initial_intensities(rows, filters.leading)
+    set_initial_intensities(rows, bank.models.leading)
     least = 1.0
     for _ in range(MOST_PASSES):
         filter_rows(smoother, rows)
@@ -177,7 +180,7 @@ def _is_taken_back(rows: Records, i: int) -> bool:
 @compiled_in_place
 def filter_rows(smoother: Smoother, rows: Records) -> float:
     """Forward pass over all rows but the first; returns the readings' log-likelihood, up to a constant."""
-    filters, m, total = smoother.filters[0], layout.SMOOTHER, 0.0
+    filters, m, total = smoother.bank[0].filters, layout.SMOOTHER, 0.0
     clock = filters.clock
     copy_numbers(smoother.filtered[0], clock[:, m])
     for i in range(1, rows.size):
@@ -201,7 +204,7 @@ def smooth_back(smoother: Smoother, rows: Records, first: int, last: int) -> Non
     `jerk` (2,) of a row becomes the smoothed normalised jerk squared, and the reduction of its variance by the
     readings.
     """
-    filters, filtered, smoothed, m = smoother.filters[0], smoother.filtered, smoother.smoothed, layout.SMOOTHER
+    filters, filtered, smoothed, m = smoother.bank[0].filters, smoother.filtered, smoother.smoothed, layout.SMOOTHER
     noise = rows[0].unit
     copy_numbers(filtered[rows.size - 1], smoothed)
     for i in range(rows.size - 1, 0, -1):
@@ -281,21 +284,21 @@ def _squares(a: float, b: float, c: float, sums: tuple[float, ...]) -> tuple[flo
 
 
 @compiled_in_place
-def _write_state(smoother: Smoother, row: Record, noise: float) -> None:
+def _write_state(smoother: Smoother, row: Row, noise: float) -> None:
     """Write state and covariance of the shaft from the smoothed clock, with that of ripple which it does not follow."""
-    filters, s = smoother.filters[0], smoother.smoothed
-    waves, sensitivity = filters.waves[filters.leading], filters.sensitivity
+    bank: Bank = smoother.bank[0]
+    s = smoother.smoothed
+    wave, leading, sensitivity = bank.wave, bank.models.leading, bank.filters.sensitivity
+    waves = bank.models.waves[leading]
     row.residual = row.clock - s[layout.ANGLE]
-    theta, row.speed, row.acceleration = shaft_state(filters, filters.leading, layout.SMOOTHER, s, row.angle)
-    set_sensitivity(
-        sensitivity, filters.basis, filters.lowest, row.speed, 2 * waves, layout.SMOOTHER, layout.SMOOTHER + 1
-    )
+    theta, row.speed, row.acceleration = shaft_state(bank, leading, layout.SMOOTHER, s, row.angle)
+    set_sensitivity(sensitivity, wave.basis, wave.lowest, row.speed, 2 * waves, layout.SMOOTHER, layout.SMOOTHER + 1)
     for k in range(2 * waves):
-        rejected = noise * row.step * (filters.lowest * (k // 2 + 1) * row.speed) ** 6
+        rejected = noise * row.step * (wave.lowest * (k // 2 + 1) * row.speed) ** 6
         for i in range(3):
             sensitivity[i, k, layout.SMOOTHER] *= row.intensity / (row.intensity + rejected)
     row.covariance[:] = 0.0
-    add_ripple_covariance(filters, waves, layout.SMOOTHER, 1.0, row.covariance)
-    add_spread(s, filters.slopes, filters.scale[layout.SMOOTHER], row.covariance)
+    add_ripple_covariance(bank, waves, layout.SMOOTHER, 1.0, row.covariance)
+    add_spread(s, wave.slopes, bank.filters.scale[layout.SMOOTHER], row.covariance)
     add_systematic(row, 1.0)
     put_angle(row, theta)

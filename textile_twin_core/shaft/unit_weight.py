@@ -8,7 +8,7 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft.filter_bank import SCALE_SAMPLES
 from textile_twin_core.shaft.residual_orders import add_systematic
-from textile_twin_core.shaft.status import Record, Records
+from textile_twin_core.shaft.status import Records, Row
 
 FIRST_WEIGHT = (1.0, 25.0)  # initial factor, and the number of redundant measurements that it counts for
 CLIP = 4.0  # residuals beyond two deviations count as two: outliers are no noise
@@ -18,7 +18,7 @@ BOUND = 4.0  # of the factor and its inverse: exact readings promise nothing abo
 
 
 @compiled_in_place
-def _weigh_residual(weight: FloatArray, row: Record) -> float:
+def _weigh_residual(weight: FloatArray, row: Row) -> float:
     """Update `weight` (2,), the factor and its redundancy, with a smoothed row's residual; return the factor."""
     if row.noise > 0.0 and row.residual != 0.0 and abs(row.speed) * row.step > 3.0 * math.sqrt(row.noise):
         redundancy = max(1.0 - (row.covariance[0] - row.systematic[0]) / row.noise, LEAST_REDUNDANCY)
@@ -44,5 +44,5 @@ def scale_covariances(weight: FloatArray, rows: Records) -> None:
 
 def adopt_weight(record: Records, weight: FloatArray) -> None:
     """Scale the estimated jitter of the stamps by the factor from the residuals of a whole record."""
-    if record["jitter_configured"][0] == 0.0:
-        record["jitter"] *= weight[0]
+    if record["noise"]["jitter_configured"][0] == 0.0:
+        record["noise"]["jitter"] *= weight[0]
