@@ -13,9 +13,8 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import layout
+from textile_twin_core.shaft.constants import LEAST_SLOPE
 from textile_twin_core.shaft.status import Bank, Wave
-
-LEAST_SLOPE = 0.3  # of a clock over the angle, dphi/dtheta: a clock that stands still measures nothing
 
 
 @compiled_in_place

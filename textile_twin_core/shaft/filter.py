@@ -16,6 +16,31 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import by_reference, compiled_in_place
 from textile_twin_core.shaft import layout, measurement_noise, model_bank, outlier_gate
+from textile_twin_core.shaft.arrival import (
+    BUNCHED,
+    FASTER,
+    admit,
+    average_interval,
+    classify_arrival,
+    is_gap,
+    is_turn_ambiguous,
+    most_bunched,
+)
+from textile_twin_core.shaft.constants import (
+    ADAPT_EVERY,
+    FINEST_MOTION,
+    FORGET_NOISE,
+    GAP_SAMPLES,
+    LEAST_SPEED,
+    MAX_SPEED_SIGMA,
+    MAX_STEP_INNOVATION,
+    MOST_GAIN,
+    OUTLIER_DENSITY,
+    REPEATING,
+    ROUNDED_APART,
+    SETTLING,
+    USUAL_STEP,
+)
 from textile_twin_core.shaft.filter_bank import predict_reading, reset_ripple_covariance, update_second_order
 from textile_twin_core.shaft.kalman import time_update
 from textile_twin_core.shaft.residual_orders import add_systematic, average_orders, set_systematic
@@ -26,33 +51,13 @@ from textile_twin_core.shaft.status import (
     STARTING,
     Counts,
     Records,
-    Repeats,
     Row,
-    Sampling,
     Stamps,
     Status,
     Track,
 )
 from textile_twin_core.shaft.turns import TURN, split_turn
-from textile_twin_core.shaft.unwrapping import USUAL_STEP, begin_unwrapping, unwrap_move, unwrap_reading
-
-LARGEST = 1e12  # angle [rad] and stamp [s]: larger ones are no motion, and their squares would overflow
-# density of outliers in the gate [1/rad]; densities omit the constant 0.38 of Student's t: 0.02 * 0.38 = 1 / 130
-OUTLIER_DENSITY = 0.02
-GAP_SAMPLES = 50.0  # intervals without a sample that make a gap
-MAX_SPREAD = 1.0 / 6.0  # sigma of a predicted angle, in periods, from which the turn of a wrapped angle is ambiguous
-# largest speed sigma of a converged state, over the speed; least speed in that rule, over the highest speed so far
-MAX_SPEED_SIGMA, LEAST_SPEED = 0.25, 0.3
-ROUNDED_APART = 1.3  # encoder steps beyond the predicted move from which two rounding errors are uncorrelated
-# innovation, in moves per interval, up to which a rejected reading still counts for the encoder's step
-MAX_STEP_INNOVATION = 1.5
-BUNCHED_STEP = 0.1  # part of the mean interval: readings closer in time arrived late, together, and are not used
-MOST_GAIN = 0.2  # maximum weight of a single move in their mean
-FORGET_NOISE = 0.9  # decay, per sample, of the noise that the process noise is relative to
-ADAPT_EVERY = 32.0  # samples between two adaptations of the jitter
-INTERVAL_SAMPLES, INTERVAL_EDGES = 500.0, 60.0  # memory of the mean interval; edges' intervals follow the speed
-
-EVEN, BUNCHED, FASTER = 0, 1, 2  # arrival of a reading: in time; late, together with the one before; at a higher rate
+from textile_twin_core.shaft.unwrapping import begin_unwrapping, unwrap_move, unwrap_reading
 
 
 @by_reference
@@ -85,13 +90,13 @@ def run_filter(record: Records, block: Block, table: Records) -> int:
 def process_sample(record: Records, block: Block, i: int, row: Row) -> bool:
     """Filter sample `i` of a block and fill its row; return whether it was accepted.
 
-    An outlier is accepted, too: its row has the predicted state and `noise` 0. `_admit` has the causes of a rejection.
+    An outlier is accepted, too: its row has the predicted state and `noise` 0. `admit` has the causes of a rejection.
     """
     status: Status = record[0]
     stamp, angle = block.stamps[i], block.angles[i]
     sampling, track, unwrapping = status.sampling, status.track, status.unwrapping
     block.unwrapped[i] = math.nan
-    if not _admit(status.counts, sampling.unit, block.last, stamp, angle):
+    if not admit(status.counts, sampling.unit, block.last, stamp, angle):
         return False
     step, confirmed = (stamp - block.last[0]) * sampling.unit, False
     turns, phase = split_turn(angle)
@@ -133,43 +138,27 @@ def process_sample(record: Records, block: Block, i: int, row: Row) -> bool:
 
 
 @compiled_in_place
-def _admit(counts: Counts, unit: float, last: Stamps, stamp: float, angle: float) -> bool:
-    """Accept a sample with finite angle and stamp, newer than `last` (1,); count the cause of a rejection."""
-    counts.received += 1.0
-    if not (abs(angle) <= LARGEST and abs(stamp * unit) <= LARGEST):  # false of NaN, too
-        counts.not_finite += 1.0
-        return False
-    since = (stamp - last[0]) * unit
-    if counts.accepted > 0.0 and since < measurement_noise.FINEST_S:
-        counts.duplicate_stamp += since >= 0.0
-        counts.older_stamp += since < 0.0
-        return False
-    counts.accepted += 1.0
-    return True
-
-
-@compiled_in_place
 def _process_reading(record: Records, step: float, raw: float, row: Row) -> None:
     """Process a reading from the third on, `raw` [rad] before unwrapping, `step` [s] after the one before."""
     status: Status = record[0]
     bank, sampling, track, unwrapping = status.bank, status.sampling, status.track, status.unwrapping
-    arrival, gap = _classify_arrival(sampling, step), _is_gap(sampling, track, unwrapping.period, step)
+    arrival, gap = classify_arrival(sampling, step), is_gap(sampling, track, unwrapping.period, step)
     if arrival != BUNCHED:
         sampling.since += 1.0
         status.gate.since_slip += 1.0
     if not gap or sampling.since < GAP_SAMPLES:
-        _average_interval(sampling, step)
+        average_interval(sampling, step)
     expected = outlier_gate.predicted_angle(track, step)
     variance = measurement_noise.measurement_variance(status.noise, track.speed)
     if gap and sampling.since > 1.0:
         status.counts.gaps += 1.0
         expected = unwrap_reading(unwrapping, sampling.samples, raw, expected)
-        known = sampling.since >= measurement_noise.SETTLING
+        known = sampling.since >= SETTLING
         if not known or not outlier_gate.is_predicted(bank, variance, sampling.interval, step, expected):
             outlier_gate.bridge_gap(status, step, raw, row)
             return
     # A gap just after an initiation: its interval was wrong.
-    ambiguous = _is_turn_ambiguous(sampling, track, status.repeats, unwrapping.period, step)
+    ambiguous = is_turn_ambiguous(sampling, track, status.repeats, unwrapping.period, step)
     begins = (gap and sampling.since <= 1.0) or (ambiguous and arrival != BUNCHED)
     if begins or arrival == BUNCHED:
         reading = unwrap_reading(unwrapping, sampling.samples, raw, unwrapping.last if begins else expected)
@@ -189,51 +178,9 @@ def _process_reading(record: Records, step: float, raw: float, row: Row) -> None
         row.noise = 0.0
         status.counts.repeats += 1.0
     elif _passes_gate(record, reading, reading - expected, step, row):
-        settles = sampling.since - status.gate.rejected_run <= measurement_noise.SETTLING <= sampling.since
+        settles = sampling.since - status.gate.rejected_run <= SETTLING <= sampling.since
         turning = _update(status, reading - expected, repeated, variance, row)
         _adapt(status, reading, repeated, variance, turning, settles)
-
-
-@compiled_in_place
-def _classify_arrival(sampling: Sampling, step: float) -> int:
-    """Count readings in a row that came close together; return EVEN, BUNCHED or FASTER.
-
-    More than a few in a row did not arrive late: the rate rose after a pause. Edges are stamped as they pass.
-    """
-    sampling.bunched = sampling.bunched + 1.0 if step < BUNCHED_STEP * sampling.interval else 0.0
-    if sampling.bunched == 0.0:
-        return EVEN
-    return BUNCHED if sampling.bunched <= _most_bunched(sampling) else FASTER
-
-
-@compiled_in_place
-def _most_bunched(sampling: Sampling) -> float:
-    """Return the maximum number of readings in a row that may have arrived late."""
-    return 1.0 if sampling.edges > 0.0 else measurement_noise.SETTLING
-
-
-@compiled_in_place
-def _is_gap(sampling: Sampling, track: Track, period: float, step: float) -> bool:
-    """Return whether the record has a gap: a long one, or one that leaves the turn of a wrapped angle ambiguous."""
-    spread = step * (track.speed_sigma + 0.5 * step * track.acceleration_sigma)
-    ambiguous = step > 2.0 * sampling.interval and spread > MAX_SPREAD * period > 0.0
-    return ambiguous or step > GAP_SAMPLES * sampling.interval
-
-
-@compiled_in_place
-def _average_interval(sampling: Sampling, step: float) -> None:
-    """Update the mean interval; those of edges follow the speed."""
-    gain = 1.0 / min(sampling.samples, INTERVAL_EDGES if sampling.edges > 0.0 else INTERVAL_SAMPLES)
-    sampling.interval += (min(step, GAP_SAMPLES * sampling.interval) - sampling.interval) * gain
-
-
-@compiled_in_place
-def _is_turn_ambiguous(sampling: Sampling, track: Track, repeats: Repeats, period: float, step: float) -> bool:
-    """Return whether a wrapped angle moves by more than half a period per interval."""
-    longest = max(step, sampling.interval) if sampling.since < measurement_noise.SETTLING else sampling.interval
-    if repeats.share > measurement_noise.REPEATING:
-        longest *= 1.0 + repeats.longest
-    return period > 0.0 and 2.0 * abs(track.speed) * longest > period
 
 
 @compiled_in_place
@@ -243,7 +190,7 @@ def _rate_of_new_track(
     """Return the speed [rad/s] with which the track begins again at a reading; NaN where it continues."""
     sampling, track, noise, repeats = status.sampling, status.track, status.noise, status.repeats
     moved = reading - status.unwrapping.last
-    if begins and (moved != 0.0 or repeats.share <= measurement_noise.REPEATING):
+    if begins and (moved != 0.0 or repeats.share <= REPEATING):
         return float(moved / (step * (1.0 + repeats.run)))
     variance = measurement_noise.measurement_variance(noise, track.speed)
     if outlier_gate.is_false_start(sampling, status.differences, variance, reading, innovation, step):
@@ -267,7 +214,7 @@ def _classify_reading(status: Status, arrival: int, reading: float, innovation: 
     before_rejected = status.differences.last_used if status.gate.rejected_run > 0.0 else unwrapping.last
     late = arrival == BUNCHED
     copied = late or measurement_noise.is_repetition(status.repeats, reading, unwrapping.last, before_rejected)
-    if not late or sampling.bunched == _most_bunched(sampling):
+    if not late or sampling.bunched == most_bunched(sampling):
         unwrapping.last = reading
     return copied
 
@@ -285,7 +232,7 @@ def _predict(status: Status, step: float, repeated: float, copied: bool, row: Ro
     for f in range(1, layout.MODELS):
         model_bank.begin_or_suspend(bank, status.orders, sampling, track, noise, f, turned)
     # Memory N: q = r / (N^6 T^5) (Kalata 1984). The noise of stamps vanishes at a stop, but q must follow the stop.
-    noise.recent = max(variance, FORGET_NOISE * noise.recent, measurement_noise.FINEST_MOTION)
+    noise.recent = max(variance, FORGET_NOISE * noise.recent, FINEST_MOTION)
     strength = math.sqrt(noise.recent * step / sampling.interval**5)
     for f in range(layout.MODELS - 1, -1, -1):
         if models.active[f] > 0.0:
@@ -346,7 +293,7 @@ def _adapt(status: Status, reading: float, repeated: float, variance: float, tur
     bank, sampling, track, noise, repeats = status.bank, status.sampling, status.track, status.noise, status.repeats
     share_before, moved = repeats.share, reading - status.differences.last_used
     measurement_noise.learn_repetitions(repeats, noise, moved, sampling.used, repeated)
-    if share_before <= measurement_noise.REPEATING < repeats.share:
+    if share_before <= REPEATING < repeats.share:
         _reset_adaptation(status)
     tried = bank.models.ripple_tried > 0.0
     measurement_noise.adapt_additive_noise(noise, status.differences, sampling, track, reading, tried)
@@ -383,7 +330,7 @@ def _report_state(status: Status, row: Row) -> None:
         # Bounded by the highest speed so far: outliers imitate speeds at which any sigma would pass.
         speed = abs(track.speed) if track.fastest == 0.0 else min(abs(track.speed), track.fastest)
         limit = max(MAX_SPEED_SIGMA * max(speed, LEAST_SPEED * track.fastest), least)
-        settled = sigma <= limit and gate.unconfirmed == 0.0 and sampling.since >= measurement_noise.SETTLING
+        settled = sigma <= limit and gate.unconfirmed == 0.0 and sampling.since >= SETTLING
         row.settled = 1.0 if settled else 0.0
     set_systematic(bank.models, row, track.speed, least)
     add_systematic(row, 1.0)
@@ -412,9 +359,9 @@ def _detect_motion(track: Track, counts: Counts, since: float, sigma: float, lea
     `since`: samples since the track began.
     """
     track.still = track.still + 1.0 if abs(track.speed) < least else 0.0
-    if since < measurement_noise.SETTLING:
+    if since < SETTLING:
         track.motion = STARTING
-    elif track.still > measurement_noise.SETTLING:
+    elif track.still > SETTLING:
         counts.standstills += track.motion != STANDSTILL
         track.motion = STANDSTILL
     elif track.still == 0.0 or track.motion != STANDSTILL:

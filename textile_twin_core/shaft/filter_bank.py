@@ -12,25 +12,25 @@ import numpy as np
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import layout, ripple
 from textile_twin_core.shaft.clock import copy_numbers, dot, set_basis_at, set_second
-from textile_twin_core.shaft.kalman import ROBUST, innovate, measurement_update
+from textile_twin_core.shaft.constants import (
+    FALLEN,
+    KNOWN_SCALE,
+    MANY_READINGS,
+    MEMORY_SWITCH,
+    RECENT_SAMPLES,
+    RESTART_PROBABILITY,
+    RESTART_RATIO,
+    RIPPLE_SIZE,
+    ROBUST,
+    SCALE_SAMPLES,
+    UNEVEN,
+    UNIFORM_PART,
+    USAGE_SAMPLES,
+    YOUNG_CYCLES,
+)
+from textile_twin_core.shaft.kalman import innovate, measurement_update
 from textile_twin_core.shaft.status import MANOEUVRE, Bank, Filters, Models, Row
 from textile_twin_core.shaft.turns import TURN
-
-SWITCH_PROBABILITY = 1e-3  # from one memory to another at each sample: motions change a few times in 1000 samples
-UNIFORM_PART = 0.01  # part of it for all memories alike; the remainder follows their use
-USAGE_SAMPLES = 300.0  # samples over which a memory's probability is averaged as its use
-# likelihood ratio to the model since its peak, below which a filter restarts (Page 1954)
-RESTART_RATIO = math.exp(-10.0)
-RESTART_PROBABILITY = 0.01  # probability below which a filter may restart
-FIRST_SCALE_WEIGHT = 0.1  # weight of the first noise scale, in innovations: it may be hundreds of times too large
-SCALE_SAMPLES = 500.0  # innovations over which noise scales and orders are averaged
-KNOWN_SCALE = 100.0  # innovations after which the first noise scale counts as known
-RECENT_SAMPLES = 50.0  # latest innovations, whose scale replaces the average ..
-FALLEN = 0.1, 0.03  # .. where it is this part of the average: among the first SCALE_SAMPLES, and later
-YOUNG_CYCLES = 5.0  # cycles in which an estimated ripple may still be no ripple ..
-UNEVEN = 0.3  # .. unless the speed changes by this part ..
-MANY_READINGS = 63.0  # .. or a turn has fewer readings than this, too few to be too certain
-RIPPLE_SIZE = 0.05  # prior standard deviation of the speed's ripple in each order, relative to the speed
 
 
 @compiled_in_place
@@ -195,7 +195,7 @@ def _weigh_filters(filters: Filters, f: int, density: float, noise: float, least
     for m in range(np.uint64(first), np.uint64(layout.STOP[f])):
         ratio = likelihood[m] * inverse
         share = uniform + (1.0 - UNIFORM_PART) * usage[m] if m < np.uint64(end) else 0.0
-        probability[m] = (1.0 - SWITCH_PROBABILITY) * probability[m] * ratio + SWITCH_PROBABILITY * share
+        probability[m] = (1.0 - MEMORY_SWITCH) * probability[m] * ratio + MEMORY_SWITCH * share
         usage[m] += (probability[m] - usage[m]) * (1.0 / USAGE_SAMPLES)
         ratio *= likelihood_ratio[m]
         likelihood_ratio[m] = ratio if ratio < 1.0 else 1.0

@@ -10,38 +10,46 @@ from numpy.typing import ArrayLike
 from textile_twin_core.arrays import BoolArray, FloatArray
 from textile_twin_core.shaft import layout
 from textile_twin_core.shaft.clock import set_second
+from textile_twin_core.shaft.constants import (
+    BETTER,
+    CHANGED,
+    CONVERGENCE,
+    FEWEST_HELD,
+    FEWEST_ROWS,
+    FINEST_RAD2,
+    FIRST_LOOK,
+    FIRST_WEIGHT,
+    HELD_CLIP,
+    HELD_EVERY,
+    HELD_PARTS,
+    INDEPENDENT,
+    LEAST_LED,
+    LEAST_LEFT,
+    LESS_NOISE,
+    LESS_SURE,
+    LOOK_EVERY,
+    MODEL_PARTS,
+    MODEL_ROWS,
+    MOST_CORRELATED,
+    MOST_KNOWN,
+    NORMAL_MEDIAN,
+    OVERLAP,
+    PENALTY,
+    PITCH_PASSES,
+    REPEATING,
+    SEEN_CYCLES,
+    UNSURE,
+)
 from textile_twin_core.shaft.estimator import PIECE, Part, ShaftEstimator, joined, states_of
 from textile_twin_core.shaft.filter import Block
-from textile_twin_core.shaft.measurement_noise import FINEST_RAD2, MOST_CORRELATED, REPEATING, measurement_variance
-from textile_twin_core.shaft.model_bank import SEEN_CYCLES
+from textile_twin_core.shaft.measurement_noise import measurement_variance
 from textile_twin_core.shaft.residual_orders import set_sensor_power
 from textile_twin_core.shaft.rts_smoother import new_smoother, smooth_model
 from textile_twin_core.shaft.states import ShaftStates
 from textile_twin_core.shaft.status import ROW, STATE, STRETCH, Records, Stamps
 from textile_twin_core.shaft.teeth import ToothWheel
 from textile_twin_core.shaft.turns import TURN
-from textile_twin_core.shaft.unit_weight import FIRST_WEIGHT, adopt_weight, scale_covariances
-
-LOOK_EVERY = 1024  # samples between two checks whether the ripple has changed
-FIRST_LOOK = 128  # samples until the first check; the interval then doubles up to LOOK_EVERY
-# a change exceeds this part of a measurement's sigma, and this multiple of the sigma of the ripples' difference
-CHANGED, UNSURE = 0.25, 3.0
-LESS_SURE = 2.0  # ratio of sigmas from which the earlier estimate of the same ripple stays
-MOST_KNOWN = 64  # maximum number of stored ripples; beyond, every second one is dropped
-PITCH_PASSES = 4  # smoothing passes whose residuals correct the teeth's pitch errors
-LEAST_LEFT = 1e-4  # least part of the readings' variance without pitch errors
-LEAST_LED = 0.05  # part of a stretch in which a model must lead to be a candidate
-MODEL_PARTS, MODEL_ROWS = 32, 256  # parts of a long stretch, and rows of each, that suffice to select its model
-OVERLAP = 512  # rows on either side of a part that are smoothed along with it
-PENALTY = 0.5  # log-likelihood for each row with a memory of its own
-CONVERGENCE = 128  # first rows of a stretch, in which the bank may not have converged
-LESS_NOISE = 0.01  # the other hypothesis on the readings' variance, relative to the filter's
-HELD_EVERY, FEWEST_HELD = 5, 50  # one accepted reading of so many is held out; their least number
-BETTER = 0.8  # ratio of the held-out readings' squared errors up to which the other hypothesis is adopted
-TAIL, MEDIAN = 9.0, 0.455  # times the median squared error, to which errors are clipped; median of a normal z^2
-INDEPENDENT = 2.0  # readings that share a rounding error, up to which their errors count as independent
-HELD_PARTS = 4  # parts of a long stretch in which readings are held out
-FEWEST = 4  # rows below which a stretch keeps the filter's states
+from textile_twin_core.shaft.unit_weight import adopt_weight, scale_covariances
 
 
 class SmoothEstimator(ShaftEstimator):
@@ -143,7 +151,7 @@ class SmoothEstimator(ShaftEstimator):
         passes = PITCH_PASSES if wheel is not None and wheel.learning and rows.size else 0
         for done in range(passes + 1):
             for stretch in stretches:
-                if len(stretch) >= FEWEST:
+                if len(stretch) >= FEWEST_ROWS:
                     self._smooth_stretch(stretch, done == passes)
             if wheel is not None and done < passes:
                 self._learn_wheel(wheel, rows, done == 0)
@@ -153,7 +161,7 @@ class SmoothEstimator(ShaftEstimator):
 
     def _choose_first_memories(self, rows: Records) -> None:
         """Set memories of the first half of rows to the second half's shortest, unless the bank's are much likelier."""
-        if len(rows) < FEWEST:
+        if len(rows) < FEWEST_ROWS:
             return
         first, smoother = len(rows) // 2, new_smoother(self._settings, len(rows))
         own, fits = rows["memory"][:first].copy(), []
@@ -207,7 +215,7 @@ class SmoothEstimator(ShaftEstimator):
             if unit > 0.0:
                 _lower_noise(rows[first:end])
             part = rows[begin : end + OVERLAP]
-            if len(part) >= FEWEST:
+            if len(part) >= FEWEST_ROWS:
                 smoother = new_smoother(self._settings, len(part))
                 smoother.bank["filters"]["scale"][0, layout.SMOOTHER] = unit or 1.0
                 smooth_model(smoother, status["bank"][0], model, part, max(first - begin, 1), end - begin - 1)
@@ -239,9 +247,9 @@ class SmoothEstimator(ShaftEstimator):
         before, after, variance = (np.concatenate(found) for found in (*errors, variances))
         if before.size < FEWEST_HELD:
             return 0.0
-        most = TAIL * np.median(before)
+        most = HELD_CLIP * np.median(before)
         better = np.mean(np.minimum(after, most)) < BETTER * np.mean(np.minimum(before, most))
-        return float(np.median(after / variance) / MEDIAN) if better else 0.0
+        return float(np.median(after / variance) / NORMAL_MEDIAN) if better else 0.0
 
     def _likeliest(self, rows: Records, led: BoolArray, known: list[Records]) -> tuple[Records, int]:
         """Select ripple and model by likelihood, penalised by the number of coefficients (Schwarz 1978).

@@ -8,17 +8,14 @@ import numpy as np
 
 from textile_twin_core.compiling import by_reference, compiled_in_place, records
 from textile_twin_core.shaft.clock import copy_numbers
+from textile_twin_core.shaft.constants import BATCH, CERTAIN, FIRST_WEIGHT, MOST_ROWS
 from textile_twin_core.shaft.estimator import Part, ShaftEstimator, states_of
 from textile_twin_core.shaft.filter import Block, process_sample
 from textile_twin_core.shaft.rts_smoother import Smoother, begin_at_row, is_far, new_smoother, set_ripple, smooth
 from textile_twin_core.shaft.settings import require_positive
 from textile_twin_core.shaft.states import ShaftStates
 from textile_twin_core.shaft.status import ROW, STRETCH, Bank, Records, Stamps, Status
-from textile_twin_core.shaft.unit_weight import FIRST_WEIGHT, adopt_weight, scale_covariances
-
-MOST_ROWS = 512  # maximum rows in the window: a longer lag at a high rate is cut
-BATCH = 3  # rows are released when they are 1 / BATCH of those beyond them: one backward pass serves all of them
-CERTAIN = 0.5  # model probability from which a model's ripple is used for smoothing
+from textile_twin_core.shaft.unit_weight import adopt_weight, scale_covariances
 
 # Lag [s]; rows in the window; rows released by this call; 1 where the smoother must restart; see `unit_weight`.
 PROGRESS = np.dtype(

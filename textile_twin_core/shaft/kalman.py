@@ -12,13 +12,8 @@ import math
 import numpy as np
 
 from textile_twin_core.shaft import layout
+from textile_twin_core.shaft.constants import FREEDOM, HALF_JERK, LAST_JERK, ROBUST
 from textile_twin_core.shaft.status import Filters
-
-FREEDOM = 6.0  # degrees of freedom of the innovations' Student t: delays of an operating system have heavy tails
-ROBUST = 9.0  # maximum normalised innovation squared: beyond it the measurement variance is inflated
-# Factor of the white jerk's covariance over a step h, in the order acceleration, rate, angle: sqrt(q h) times the
-# columns (1, h/2, h^2/6), (0, HALF_JERK h, HALF_JERK h^2/2) and (0, 0, LAST_JERK h^2).
-HALF_JERK, LAST_JERK = math.sqrt(1.0 / 12.0), math.sqrt(1.0 / 720.0)
 
 
 @layout.vectorised

@@ -8,36 +8,35 @@ import numpy as np
 
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import layout
+from textile_twin_core.shaft.constants import (
+    ADDITIVE_FEW,
+    ADDITIVE_SAMPLES,
+    FEW_EQUAL,
+    FINEST_RAD2,
+    FINEST_S,
+    FIRST_JITTER,
+    FORGET_REPEAT,
+    FORGET_SPEED,
+    FORGET_WHITE,
+    FOURTH,
+    LARGE_MOVE,
+    LARGE_MOVE_GUESSED,
+    LEARN_JITTER,
+    LEAST_JITTER,
+    LEAST_SCALE,
+    MOST_ADDITIVE,
+    MOST_CORRELATED,
+    MOST_WHITE,
+    REPEAT_MEMORY,
+    REPEATING,
+    SAME_MOVE,
+    SETTLING,
+    SIMILAR_REPEATS,
+    SMOOTH_MOVE,
+)
 from textile_twin_core.shaft.encoder import FINEST_STEP_RAD, UNKNOWN_STEP_RAD
 from textile_twin_core.shaft.filter_bank import rescale
 from textile_twin_core.shaft.status import Bank, Differences, Noise, Records, Repeats, Sampling, Status, Track
-from textile_twin_core.shaft.turns import TURN
-
-SETTLING = 25.0  # samples until a state may count as converged, and at standstill until it is reported
-MOST_CORRELATED = 16.0  # maximum of `correlated`: a shaft at standstill stays within an encoder step for hours
-FIRST_JITTER = 0.01  # initial standard deviation of the stamps, in intervals
-SMOOTH_MOVE = TURN / 48.0  # [rad] per interval, up to which the shortest wave of ripple has at least 4 samples
-ADDITIVE_SAMPLES, ADDITIVE_FEW = 100.0, 50.0  # memory of the additive noise; the second where a wave has fewer samples
-MOST_ADDITIVE = 128.0  # bound of one sample's estimate, in current variances
-REPEAT_MEMORY = 10.0, 25.0  # moves averaged at first and at most; a tenth of the readings used in between
-REPEATING = 0.3  # share of moves after repetitions above which the sensor repeats values
-# encoder steps of a move that rounding cannot explain; the second while the step is a guess
-LARGE_MOVE, LARGE_MOVE_GUESSED = (
-    2.5,
-    4.5,
-)  # encoder steps, more than rounding can hide of a move; while the step is a guess
-FEW_EQUAL, SAME_MOVE = 2.0, 0.01  # equal readings between two steps, and part of a step by which they may differ
-FORGET_REPEAT = 0.98  # decay of the longest repetition per large move
-SIMILAR_REPEATS = 0.6  # part of the longest, from which repetitions are a sensor's: standstills of a shaft differ more
-FINEST_RAD2 = 1e-14  # [rad^2] least measurement variance: float64 rounding some hundred turns from the origin
-FINEST_MOTION = 1e-10  # [rad^2] least variance that the process noise is relative to: no motion is smoother for long
-FINEST_S = 1e-9  # [s] least time between readings: months after the first one rounding would hide it
-LEAST_SCALE = 1e-6  # least noise scale of a filter without any other bound
-LEARN_JITTER = 0.5  # gain of the jitter's adaptation at full speed; lower speeds hardly show jitter
-LEAST_JITTER = 0.01  # least part of the estimated noise that counts as jitter
-FOURTH = 70.0  # variance of the fourth differences of white noise of variance 1
-MOST_WHITE, FORGET_WHITE = 2.0, 0.5  # bound of jitter in estimates of white noise; their decay per adaptation
-FORGET_SPEED = 0.99  # decay of the full speed per adaptation
 
 
 @compiled_in_place

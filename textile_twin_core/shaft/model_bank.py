@@ -2,38 +2,35 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import filter_bank, layout
 from textile_twin_core.shaft.clock import add_products, add_ripple_covariance, add_spread, dot, shaft_state
+from textile_twin_core.shaft.constants import (
+    BEGIN,
+    COMPARABLE,
+    EDGES_PER_WAVE,
+    FASTEST_IDLE,
+    FIRST_IDLE,
+    FIRST_SCALE_WEIGHT,
+    HIGH_ORDERS,
+    IMPROBABLE,
+    KEEP,
+    LONGEST_IDLE,
+    LONGEST_TRIAL,
+    MINOR,
+    MODEL_SWITCH,
+    RESTART_SPEED,
+    SAMPLES_PER_WAVE,
+    SECOND_ORDER_EVERY,
+    SEEN_CYCLES,
+    SIMPLER,
+    SIMPLER_IDLE,
+    TRIAL_CYCLES,
+    UNBIASED,
+)
 from textile_twin_core.shaft.measurement_noise import standstill_speed
 from textile_twin_core.shaft.status import Bank, Models, Noise, Orders, Row, Sampling, Track
 from textile_twin_core.shaft.turns import TURN
-
-# from one model to another at each sample, and of a model that enters after another one with ripple
-SWITCH_PROBABILITY = 1e-5
-# where several models enter at once, each is this many times as probable as the next: few readings fit any
-SIMPLER = 10.0
-SEEN_CYCLES = 1.25  # cycles of motion after which a model enters the comparison
-IMPROBABLE = 0.05  # model probability up to which a model may be suspended or restarted
-# cycles of an improbable model, or of one with more orders than the leading one, until suspension ..
-TRIAL_CYCLES = 8.0
-LONGEST_TRIAL = 32.0  # .. and of the latter while it is nearly as good; then it restarts from the leading model
-FIRST_IDLE, LONGEST_IDLE = 16.0, 256.0  # cycles of a suspension, which doubles each time
-SIMPLER_IDLE = 0.25  # part of that for models of fewer orders: needless orders disturb the acceleration
-FASTEST_IDLE = 32.0  # factor by which suspensions shorten at most where memory is short: the ripple may have changed
-RESTART_SPEED = 2.0  # ratio to its first speed at which a model is reset: it took the run-up for ripple
-COMPARABLE = 1e-3  # probability at which a model of fewer orders than the leading one is as good, and preferred
-SAMPLES_PER_WAVE = 2.3  # needed by a model's highest order: 2 (Nyquist), and a margin for changing speeds
-EDGES_PER_WAVE = 3.0  # the same for edges of teeth, which sample nearly the same angles in each turn
-BEGIN, KEEP = 1.05, 0.95  # times that many samples to start an order with, and to keep it
-# part of the time with high orders: 700 readings in a row at first, when the sensor's errors are known
-HIGH_ORDERS = 0.75
-UNBIASED = int(np.argmin(np.abs(layout.MEMORIES[: layout.END[layout.PLAIN]] - 1.0)))
-"""Index of the plain filter with a memory of one sample: ripple biases longer memories, shorter ones are noisy."""
-MINOR = 0.05  # part of the greatest probability below which a filter does not enter the mixture
-SECOND_ORDER_EVERY = 8.0  # samples between updates of g2, which changes slowly
 
 
 @compiled_in_place
@@ -155,7 +152,7 @@ def reset_models(bank: Bank) -> None:
     """Reset everything but the plain states, noise scales included: the readings so far were misinterpreted."""
     models = bank.models
     for m in range(layout.END[layout.PLAIN]):
-        bank.filters.scale_samples[m] = filter_bank.FIRST_SCALE_WEIGHT
+        bank.filters.scale_samples[m] = FIRST_SCALE_WEIGHT
     models.active[1:] = models.mode_probability[1:] = models.idle[1:] = 0.0
     models.mode_probability[0] = 1.0
     models.leading = 0
@@ -171,7 +168,7 @@ def update_mode_probabilities(
     `least`: lower bound of the filters' noise scale.
     """
     filters, models = bank.filters, bank.models
-    total, count, entry = 0.0, 0, SWITCH_PROBABILITY if models.ripple_tried > 0.0 else 1.0
+    total, count, entry = 0.0, 0, MODEL_SWITCH if models.ripple_tried > 0.0 else 1.0
     mode_probability = models.mode_probability
     for f in range(layout.MODELS):
         if models.active[f] > 0.0:
@@ -189,7 +186,7 @@ def update_mode_probabilities(
             count += 1
     for f in range(layout.MODELS):
         if mode_probability[f] > 0.0:
-            mode_probability[f] = mode_probability[f] / total * (1.0 - SWITCH_PROBABILITY) + SWITCH_PROBABILITY / count
+            mode_probability[f] = mode_probability[f] / total * (1.0 - MODEL_SWITCH) + MODEL_SWITCH / count
 
 
 @compiled_in_place

@@ -10,9 +10,31 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import filter_bank, layout, measurement_noise
 from textile_twin_core.shaft.clock import copy_numbers, wave_at
+from textile_twin_core.shaft.constants import (
+    CLEAN_SAMPLES,
+    FALSE_START,
+    FIRST_IDLE,
+    FIRST_SCALE_WEIGHT,
+    FORGET_ABRUPT,
+    GROWTH,
+    MAX_GAP_SIGMA,
+    MAX_OUTLIERS,
+    MAX_SPEED_RATIO,
+    MAX_UNCONFIRMED,
+    MOST_ABRUPT,
+    NEARER,
+    OUTLIER_WEIGHT,
+    REPEATING,
+    RIPPLE_SIZE,
+    RUNAWAY,
+    SENSOR_SPEED_SIGMA,
+    SETTLING,
+    SLIPPED,
+    SLIPS_APART,
+    UNBIASED,
+    UNCONFIRMED,
+)
 from textile_twin_core.shaft.kalman import time_update
-from textile_twin_core.shaft.measurement_noise import REPEATING, SETTLING
-from textile_twin_core.shaft.model_bank import FIRST_IDLE, UNBIASED
 from textile_twin_core.shaft.status import (
     MANOEUVRE,
     STRETCH,
@@ -28,23 +50,7 @@ from textile_twin_core.shaft.status import (
     Track,
     Unwrapping,
 )
-from textile_twin_core.shaft.unwrapping import MAX_GAP_SIGMA, MAX_SPEED_RATIO, unwrap_reading
-
-MAX_OUTLIERS = 2  # consecutive readings rejected as outliers before a manoeuvre may be declared
-MAX_UNCONFIRMED = 9  # rejected readings, less those accepted since, beyond which the track is lost
-CLEAN_SAMPLES = 100.0  # samples without an outlier, after which one rejection fewer is enough
-# readings that must fit after a manoeuvre; growing outliers and overshoot of the speed have decayed by then
-UNCONFIRMED = 7.0
-# memory and bound of `abrupt`; an outlier ends the immediate acceptance of manoeuvres
-FORGET_ABRUPT, MOST_ABRUPT = 0.97, 2.0
-NEARER = 0.5  # ratio of distances: after a slip of the encoder both are equal
-OUTLIER_WEIGHT = 3.0  # weight of an outlier in `abrupt`; a manoeuvre has 1
-SLIPPED = 0.25  # part of an innovation by which innovations of a slipped encoder differ at most
-SLIPS_APART = 15.0  # samples between two slips in the same direction
-GROWTH = 1.25  # ratio of two successive innovations from which they grow as in a manoeuvre
-RUNAWAY = 8.0  # ratio of the predicted to the mean measured move that no real shaft keeps up
-FALSE_START = 4.0  # innovation, in deviations from the line through the latest readings
-SENSOR_SPEED_SIGMA = 0.02  # relative standard deviation of a sensor's own speed
+from textile_twin_core.shaft.unwrapping import unwrap_reading
 
 
 @compiled_in_place
@@ -84,7 +90,7 @@ def initiate(status: Status, step: float, angle: float, rate: float, row: Row) -
         initial[layout.L11] = SENSOR_SPEED_SIGMA * (abs(track.speed) + initial[layout.L11])
         initial[layout.L21], initial[layout.L22] = 0.0, math.sqrt(variance)
     filters.scale[UNBIASED] = filters.recent_scale[UNBIASED] = filters.scale_before[UNBIASED] = 1.0
-    filters.scale_samples[UNBIASED] = filter_bank.FIRST_SCALE_WEIGHT
+    filters.scale_samples[UNBIASED] = FIRST_SCALE_WEIGHT
     filter_bank.begin_model(status.bank, layout.PLAIN, layout.PLAIN, UNBIASED, 0)
     models.active[:] = models.mode_probability[:] = models.idle[:] = 0.0
     models.active[0], models.mode_probability[0], models.leading, models.next_idle[:] = 1.0, 1.0, 0, FIRST_IDLE
@@ -195,10 +201,10 @@ def accept_manoeuvre(record: Records, reading: float, innovation: float, step: f
     gate.clean = 0.5 * CLEAN_SAMPLES if early else gate.clean
     row.cut = STRETCH if slipped else MANOEUVRE
     rate, sigma = 0.0 if slipped else grown / span, math.sqrt(row.noise)  # a slip of the encoder keeps the speed
-    by_angle = sigma + filter_bank.RIPPLE_SIZE * abs(innovation)
+    by_angle = sigma + RIPPLE_SIZE * abs(innovation)
     by_rate = 0.0 if slipped else (sigma + abs(grown)) / span
     filter_bank.open_manoeuvre(status.bank, row, innovation, rate, by_angle, by_rate, abs(rate) / span)
-    row.unit += (filter_bank.RIPPLE_SIZE * innovation) ** 2
+    row.unit += (RIPPLE_SIZE * innovation) ** 2
     if slipped:
         status.counts.jumps += 1.0
         # Until repetitions of the sensor are known, the moves after them look like slips.
@@ -279,7 +285,7 @@ def bridge_gap(status: Status, step: float, raw: float, row: Row) -> None:
     row.noise = row.unit * bank.filters.scale[bank.models.best[bank.models.leading]]
     by_rate = 0.5 * abs(track.speed) + math.sqrt(row.noise) / sampling.interval
     filter_bank.open_manoeuvre(
-        bank, row, reading - track.angle, 0.0, filter_bank.RIPPLE_SIZE, by_rate, by_rate / (10.0 * sampling.interval)
+        bank, row, reading - track.angle, 0.0, RIPPLE_SIZE, by_rate, by_rate / (10.0 * sampling.interval)
     )
     for f in range(layout.MODELS):
         if bank.models.active[f] > 0.0:

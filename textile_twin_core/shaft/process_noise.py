@@ -5,15 +5,18 @@ from __future__ import annotations
 import math
 
 from textile_twin_core.compiling import compiled_in_place
-from textile_twin_core.shaft.measurement_noise import FINEST_MOTION, MOST_CORRELATED
+from textile_twin_core.shaft.constants import (
+    DELAY,
+    FINEST_MOTION,
+    LONGEST,
+    MOST_CORRELATED,
+    PRIOR_WEIGHT,
+    SHORTEST,
+    STEADY,
+    WIDEST_WINDOW,
+    WINDOW_FREEDOM,
+)
 from textile_twin_core.shaft.status import Records, Row
-
-# independent samples until a filter detects a change; not an integer, so that rounding decides no comparison
-DELAY = 20.5
-STEADY = 80.0  # memory in samples beyond which the delay grows in proportion to it
-FOUND, WIDEST = 8.0, 512  # degrees of freedom in a row's window, and its maximum rows on either side
-PRIOR_WEIGHT = 0.5  # degrees of freedom of the prior ratio 1
-LONGEST, SHORTEST = 0.5 * 2.0**15, 0.25  # memories that bound the intensity, in samples
 
 
 @compiled_in_place
@@ -72,7 +75,7 @@ def adapt_intensities(rows: Records, least: float) -> float:
         unit = max(noise, FINEST_MOTION) / rows[i].interval ** 5
         half = max(half - half // 3, 2)
         before, last = max(i - half - 1, 0), min(i + half, count - 1)
-        while rows[last].jerk[1] - rows[before].jerk[1] < FOUND and half < min(WIDEST, count):
+        while rows[last].jerk[1] - rows[before].jerk[1] < WINDOW_FREEDOM and half < min(WIDEST_WINDOW, count):
             half += half // 2
             before, last = max(i - half - 1, 0), min(i + half, count - 1)
         found = rows[last].jerk[0] - rows[before].jerk[0] + PRIOR_WEIGHT

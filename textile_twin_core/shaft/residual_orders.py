@@ -7,38 +7,34 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import layout
 from textile_twin_core.shaft.clock import set_basis_at
-from textile_twin_core.shaft.filter_bank import SCALE_SAMPLES, set_shaft_second
-from textile_twin_core.shaft.kalman import ROBUST
-from textile_twin_core.shaft.model_bank import SECOND_ORDER_EVERY, samples_a_turn
-from textile_twin_core.shaft.status import Bank, Models, Orders, Row, Sampling, Status
-
-ORDERS = layout.WIDEST  # maximum number of averaged orders: the basis holds no more
-KEEP = 1.0 - 1.0 / SCALE_SAMPLES  # decay of an order's average at each reading
-# part of the samples per turn up to which orders differ from their aliases, as readings fall elsewhere each turn
-RESOLVED_SHARE = (
-    0.9  # of the samples per turn: orders up to it differ from their aliases, as readings fall elsewhere each turn
+from textile_twin_core.shaft.constants import (
+    ABOVE_SENSOR,
+    CHANCE,
+    ENDED,
+    FALL,
+    FALLING,
+    FEWEST_ORDERS,
+    FLAT,
+    FROM_WHITE,
+    HIGH_SIGNIFICANT,
+    KEEP_ORDER,
+    LOG_MEAN,
+    LOG_SIGMA,
+    ORDERS,
+    RESOLVED_SHARE,
+    ROBUST,
+    SCALE_SAMPLES,
+    SECOND_ORDER_EVERY,
+    SIGNIFICANT,
+    TAIL_ORDERS,
+    TAIL_SAMPLES,
 )
-SIGNIFICANT = 7.0  # times the mean power of white residuals in an order, exceeded by chance in 1 case of 1000
-# times the sensor's power, from some 12 orders: exceeded by chance in 1 case of 140 000 (F of 2 and 24)
-ABOVE_SENSOR = 20.0
-TAIL = 3  # highest modelled orders that predict those beyond, and the same number before them, for their fall
-TAIL_SAMPLES = 10_000.0  # samples over which the observed part of the tail is averaged
-CHANCE = 4.0  # times the mean power of white residuals that chance adds to an order: 1 case of 50
-ENDED = 0.2  # observed part of the tail below which the ripple ends with the modelled orders
-FEWEST_ORDERS = 5  # orders needed to estimate the sensor's power
-HIGH_SIGNIFICANT = 14.0  # the same as SIGNIFICANT for orders above the usual ones: in 1 case of a million
-# Exponentially distributed powers: log of the mean less mean of the logs, and standard deviation of the logs.
-LOG_MEAN, LOG_SIGMA = 0.5772, 1.2825
-# sigmas by which the lower half's power exceeds the upper's: at most for a sensor; at least for motion
-FLAT, FALLING = 2.5, 3.5
-FROM_WHITE = 3.0  # times the power of white residuals, above which the excess counts as the sensor's
-FALL = (np.arange(ORDERS) / np.arange(1.0, ORDERS + 1.0)) ** 6
-"""Fall of the angle's power from one order to the next: the orders of a torque with steps fall as 1 / k."""
+from textile_twin_core.shaft.filter_bank import set_shaft_second
+from textile_twin_core.shaft.model_bank import samples_a_turn
+from textile_twin_core.shaft.status import Bank, Models, Orders, Row, Sampling, Status
 
 
 @compiled_in_place
@@ -56,7 +52,7 @@ def average_orders(bank: Bank, orders: Orders, sampling: Sampling, angle: float,
     set_basis_at(bank.wave, angle, count // 2)
     part = 2.0 * math.sqrt(unfollowed) * min(max(filters.innovation[m], -most), most) / SCALE_SAMPLES
     for i in range(2 * count):
-        orders.sums[i] = KEEP * orders.sums[i] + part * basis[i]
+        orders.sums[i] = KEEP_ORDER * orders.sums[i] + part * basis[i]
     orders.reading_variance += (filters.scale[m] * noise - orders.reading_variance) / SCALE_SAMPLES
     orders.average_weight += (1.0 - orders.average_weight) / SCALE_SAMPLES
     if models.leading != orders.averaged_model:
@@ -226,18 +222,18 @@ def _tail(bank: Bank, orders: Orders, f: int) -> tuple[float, float]:
     between the highest orders and those before.
     """
     last, m, power, before, variance = bank.models.waves[f], bank.models.best[f], 0.0, 0.0, 0.0
-    if last < 2 * TAIL:
+    if last < 2 * TAIL_ORDERS:
         return 0.0, 0.0
-    for k in range(last - 2 * TAIL, last):
-        weight = ((k + 1.0) / last) ** 6 / TAIL
-        if k < last - TAIL:
+    for k in range(last - 2 * TAIL_ORDERS, last):
+        weight = ((k + 1.0) / last) ** 6 / TAIL_ORDERS
+        if k < last - TAIL_ORDERS:
             before += weight * _power(bank, orders, f, k)
             continue
         power += weight * _power(bank, orders, f, k)
         for i in range(2 * k, 2 * k + 2):
             for j in range(i + 1):
                 variance += weight * bank.filters.scale[m] * bank.filters.factor[j, i, m] ** 2
-    fall = min((power / before) ** (1.0 / TAIL), 1.0) if before > 0.0 else 1.0
+    fall = min((power / before) ** (1.0 / TAIL_ORDERS), 1.0) if before > 0.0 else 1.0
     return (power - variance) * fall if power > SIGNIFICANT * variance else 0.0, fall
 
 

@@ -16,28 +16,27 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import by_reference, compiled_in_place
 from textile_twin_core.shaft import layout
-from textile_twin_core.shaft.clock import (
-    add_ripple_covariance,
-    add_spread,
-    copy_numbers,
-    shaft_state,
-    wave_at,
+from textile_twin_core.shaft.clock import add_ripple_covariance, add_spread, copy_numbers, shaft_state, wave_at
+from textile_twin_core.shaft.constants import (
+    BURST,
+    FAR,
+    FAR_OFF,
+    HALF_JERK,
+    LAST_JERK,
+    MOST_PASSES,
+    REVOKED_NEARER,
+    ROBUST,
+    ROUNDED,
+    SURELY_FAR,
 )
 from textile_twin_core.shaft.filter import put_angle
-from textile_twin_core.shaft.kalman import HALF_JERK, LAST_JERK, ROBUST, innovate, measurement_update, time_update
+from textile_twin_core.shaft.kalman import innovate, measurement_update, time_update
 from textile_twin_core.shaft.outlier_gate import predicted_angle, set_start
 from textile_twin_core.shaft.process_noise import adapt_intensities, set_initial_intensities
 from textile_twin_core.shaft.residual_orders import add_systematic
 from textile_twin_core.shaft.ripple import set_sensitivity
 from textile_twin_core.shaft.settings import ShaftSettings
 from textile_twin_core.shaft.status import MANOEUVRE, STRETCH, Bank, Records, Row, new_bank
-
-# squared distance from the bank's angle, in its variances, that restarts the smoother; without a reading
-FAR, SURELY_FAR = 9.0, 1e4
-MOST_PASSES = 5
-BURST, NEARER = 10, 0.25  # rows in which a manoeuvre may be revoked; ratio of distances at which it is
-ROUNDED = 1e-30  # least remaining part of a variance that rounding would cancel
-FAR_OFF = 4.0  # factor of a wrong process noise from which it is adapted again
 
 
 @by_reference
@@ -168,7 +167,7 @@ def _is_taken_back(rows: Records, i: int) -> bool:
     innovation = rows[i].reading - predicted_angle(before, rows[i].time - before.time)
     for k in range(i + 1, min(i + BURST, rows.size)):
         innovation_now = rows[k].reading - predicted_angle(before, rows[k].time - before.time)
-        if rows[k].cut == MANOEUVRE and abs(innovation_now) < NEARER * abs(innovation):
+        if rows[k].cut == MANOEUVRE and abs(innovation_now) < REVOKED_NEARER * abs(innovation):
             for j in range(first, k + 1):
                 copy_numbers(before.memory, rows[j].memory)
                 rows[j].cut = 0.0

@@ -6,15 +6,9 @@ import math
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled_in_place
-from textile_twin_core.shaft.filter_bank import SCALE_SAMPLES
+from textile_twin_core.shaft.constants import BOUND, CLIP, CLIPPED, LEAST_REDUNDANCY, SCALE_SAMPLES
 from textile_twin_core.shaft.residual_orders import add_systematic
 from textile_twin_core.shaft.status import Records, Row
-
-FIRST_WEIGHT = (1.0, 25.0)  # initial factor, and the number of redundant measurements that it counts for
-CLIP = 4.0  # residuals beyond two deviations count as two: outliers are no noise
-CLIPPED = 0.9205  # mean of min(z^2, CLIP) of a normal z
-LEAST_REDUNDANCY = 0.05
-BOUND = 4.0  # of the factor and its inverse: exact readings promise nothing about later ones
 
 
 @compiled_in_place

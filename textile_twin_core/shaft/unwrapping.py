@@ -7,14 +7,8 @@ import math
 import numpy as np
 
 from textile_twin_core.compiling import compiled_in_place
-from textile_twin_core.shaft.measurement_noise import SETTLING
+from textile_twin_core.shaft.constants import FAR_ROUND, MAX_GAP_SIGMA, MAX_SPEED_RATIO, RANGE, SETTLING, USUAL_STEP
 from textile_twin_core.shaft.status import OPEN, UNWRAPPED, WRAPPED, Sampling, Track, Unwrapping
-
-FAR_ROUND = 2.0  # periods from the encoder's 0 beyond which a first reading is not wrapped
-RANGE = 1.25  # periods that the readings of an unwrapped angle span
-MAX_SPEED_RATIO = 2.0  # of the highest speed so far, above which a move is unlikely: outliers line up by chance
-USUAL_STEP = 1.5  # intervals up to which no sample is missing between two readings
-MAX_GAP_SIGMA = 0.05  # [rad] predicted across a gap or a turn: at most 1 in 20 other motions passes 3 sigma by chance
 
 
 @compiled_in_place
