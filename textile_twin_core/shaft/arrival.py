@@ -14,7 +14,7 @@ from textile_twin_core.shaft.constants import (
     REPEATING,
     SETTLING,
 )
-from textile_twin_core.shaft.status import Counts, Repeats, Sampling, Stamps, Track
+from textile_twin_core.shaft.status import Counts, Mixture, Repeats, Sampling, Stamps
 
 EVEN, BUNCHED, FASTER = 0, 1, 2  # arrival of a reading: in time; late, together with the one before; at a higher rate
 
@@ -54,7 +54,7 @@ def most_bunched(sampling: Sampling) -> float:
 
 
 @compiled_in_place
-def is_gap(sampling: Sampling, track: Track, period: float, step: float) -> bool:
+def is_gap(sampling: Sampling, track: Mixture, period: float, step: float) -> bool:
     """Return whether the record has a gap: a long one, or one that leaves the turn of a wrapped angle ambiguous."""
     spread = step * (track.speed_sigma + 0.5 * step * track.acceleration_sigma)
     ambiguous = step > 2.0 * sampling.interval and spread > MAX_SPREAD * period > 0.0
@@ -69,7 +69,7 @@ def average_interval(sampling: Sampling, step: float) -> None:
 
 
 @compiled_in_place
-def is_turn_ambiguous(sampling: Sampling, track: Track, repeats: Repeats, period: float, step: float) -> bool:
+def is_turn_ambiguous(sampling: Sampling, track: Mixture, repeats: Repeats, period: float, step: float) -> bool:
     """Return whether a wrapped angle moves by more than half a period per interval."""
     longest = max(step, sampling.interval) if sampling.since < SETTLING else sampling.interval
     if repeats.share > REPEATING:

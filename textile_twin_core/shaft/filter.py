@@ -50,11 +50,11 @@ from textile_twin_core.shaft.status import (
     STANDSTILL,
     STARTING,
     Counts,
+    FilterRow,
+    FilterStatus,
+    Mixture,
     Records,
-    Row,
     Stamps,
-    Status,
-    Track,
 )
 from textile_twin_core.shaft.turns import TURN, split_turn
 from textile_twin_core.shaft.unwrapping import begin_unwrapping, unwrap_move, unwrap_reading
@@ -87,12 +87,12 @@ def run_filter(record: Records, block: Block, table: Records) -> int:
 
 
 @compiled_in_place
-def process_sample(record: Records, block: Block, i: int, row: Row) -> bool:
+def process_sample(record: Records, block: Block, i: int, row: FilterRow) -> bool:
     """Filter sample `i` of a block and fill its row; return whether it was accepted.
 
     An outlier is accepted, too: its row has the predicted state and `noise` 0. `admit` has the causes of a rejection.
     """
-    status: Status = record[0]
+    status: FilterStatus = record[0]
     stamp, angle = block.stamps[i], block.angles[i]
     sampling, track, unwrapping = status.sampling, status.track, status.unwrapping
     block.unwrapped[i] = math.nan
@@ -138,9 +138,9 @@ def process_sample(record: Records, block: Block, i: int, row: Row) -> bool:
 
 
 @compiled_in_place
-def _process_reading(record: Records, step: float, raw: float, row: Row) -> None:
+def _process_reading(record: Records, step: float, raw: float, row: FilterRow) -> None:
     """Process a reading from the third on, `raw` [rad] before unwrapping, `step` [s] after the one before."""
-    status: Status = record[0]
+    status: FilterStatus = record[0]
     bank, sampling, track, unwrapping = status.bank, status.sampling, status.track, status.unwrapping
     arrival, gap = classify_arrival(sampling, step), is_gap(sampling, track, unwrapping.period, step)
     if arrival != BUNCHED:
@@ -185,7 +185,7 @@ def _process_reading(record: Records, step: float, raw: float, row: Row) -> None
 
 @compiled_in_place
 def _rate_of_new_track(
-    status: Status, arrival: int, begins: bool, reading: float, innovation: float, step: float
+    status: FilterStatus, arrival: int, begins: bool, reading: float, innovation: float, step: float
 ) -> float:
     """Return the speed [rad/s] with which the track begins again at a reading; NaN where it continues."""
     sampling, track, noise, repeats = status.sampling, status.track, status.noise, status.repeats
@@ -203,7 +203,9 @@ def _rate_of_new_track(
 
 
 @compiled_in_place
-def _classify_reading(status: Status, arrival: int, reading: float, innovation: float, step: float, row: Row) -> bool:
+def _classify_reading(
+    status: FilterStatus, arrival: int, reading: float, innovation: float, step: float, row: FilterRow
+) -> bool:
     """Compare a reading with the last one: guess the encoder's step; return whether it is late or a repeated value."""
     noise, sampling, unwrapping = status.noise, status.sampling, status.unwrapping
     moved = reading - unwrapping.last
@@ -220,7 +222,7 @@ def _classify_reading(status: Status, arrival: int, reading: float, innovation: 
 
 
 @compiled_in_place
-def _predict(status: Status, step: float, repeated: float, copied: bool, row: Row) -> float:
+def _predict(status: FilterStatus, step: float, repeated: float, copied: bool, row: FilterRow) -> float:
     """Predict the reading of a row in all filters of the active models; set and return its variance [rad^2]."""
     bank, sampling, track, noise = status.bank, status.sampling, status.track, status.noise
     models, turned = bank.models, abs(track.speed) * step
@@ -248,9 +250,9 @@ def _predict(status: Status, step: float, repeated: float, copied: bool, row: Ro
 
 
 @compiled_in_place
-def _passes_gate(record: Records, reading: float, innovation: float, step: float, row: Row) -> bool:
+def _passes_gate(record: Records, reading: float, innovation: float, step: float, row: FilterRow) -> bool:
     """Return whether a reading is used: all filters find it probable, or it belongs to a manoeuvre."""
-    status: Status = record[0]
+    status: FilterStatus = record[0]
     density = 0.0
     models = status.bank.models
     for f in range(layout.MODELS - 1, -1, -1):
@@ -263,7 +265,7 @@ def _passes_gate(record: Records, reading: float, innovation: float, step: float
 
 
 @compiled_in_place
-def _update(status: Status, innovation: float, repeated: float, variance: float, row: Row) -> bool:
+def _update(status: FilterStatus, innovation: float, repeated: float, variance: float, row: FilterRow) -> bool:
     """Update filters, model probabilities and residual orders with an accepted reading; return whether it turns."""
     bank, gate, sampling, track, noise = status.bank, status.gate, status.sampling, status.track, status.noise
     sampling.used += 1.0
@@ -285,7 +287,9 @@ def _update(status: Status, innovation: float, repeated: float, variance: float,
 
 
 @compiled_in_place
-def _adapt(status: Status, reading: float, repeated: float, variance: float, turning: bool, settles: bool) -> None:
+def _adapt(
+    status: FilterStatus, reading: float, repeated: float, variance: float, turning: bool, settles: bool
+) -> None:
     """Adapt repetitions, additive noise and jitter to a used reading of this variance [rad^2].
 
     `settles`: the filters' noise scales have just converged.
@@ -305,7 +309,7 @@ def _adapt(status: Status, reading: float, repeated: float, variance: float, tur
 
 
 @compiled_in_place
-def _reset_adaptation(status: Status) -> None:
+def _reset_adaptation(status: FilterStatus) -> None:
     """Reset everything but the plain states: repeated values were taken for readings so far."""
     orders, repeats = status.orders, status.repeats
     model_bank.reset_models(status.bank)
@@ -317,7 +321,7 @@ def _reset_adaptation(status: Status) -> None:
 
 
 @compiled_in_place
-def _report_state(status: Status, row: Row) -> None:
+def _report_state(status: FilterStatus, row: FilterRow) -> None:
     """Write the mixture's state and covariance, its convergence, and the smoothers' data into a row."""
     bank, sampling, track, noise, gate = status.bank, status.sampling, status.track, status.noise, status.gate
     model_bank.combine(bank, track, row)
@@ -343,7 +347,7 @@ def _report_state(status: Status, row: Row) -> None:
 
 
 @compiled_in_place
-def _report_provisional(record: Records, row: Row) -> None:
+def _report_provisional(record: Records, row: FilterRow) -> None:
     """Report the state with a provisional reading; smoothers treat it as rejected until the next one confirms it."""
     noise, row.noise = row.noise, 0.0
     _report_state(record[1], row)
@@ -353,7 +357,7 @@ def _report_provisional(record: Records, row: Row) -> None:
 
 
 @compiled_in_place
-def _detect_motion(track: Track, counts: Counts, since: float, sigma: float, least: float) -> None:
+def _detect_motion(track: Mixture, counts: Counts, since: float, sigma: float, least: float) -> None:
     """Detect standstill, slower than `least` [rad/s], and reversals; `sigma` [rad/s] is the speed's deviation.
 
     `since`: samples since the track began.
@@ -373,7 +377,7 @@ def _detect_motion(track: Track, counts: Counts, since: float, sigma: float, lea
 
 
 @compiled_in_place
-def put_angle(row: Row, angle: float) -> None:
+def put_angle(row: FilterRow, angle: float) -> None:
     """Write an angle [rad], relative to the row's origin, as whole turns and phase."""
     turns = np.floor(angle / TURN + 0.5)
     row.phase = angle - turns * TURN

@@ -29,7 +29,7 @@ from textile_twin_core.shaft.constants import (
     YOUNG_CYCLES,
 )
 from textile_twin_core.shaft.kalman import innovate, measurement_update
-from textile_twin_core.shaft.status import MANOEUVRE, Bank, Filters, Models, Row
+from textile_twin_core.shaft.status import MANOEUVRE, Bank, FilterRow, Filters, Models
 from textile_twin_core.shaft.turns import TURN
 
 
@@ -117,7 +117,7 @@ def begin_model(bank: Bank, f: int, known: int, source: int, waves: int) -> None
 
 @compiled_in_place
 def open_manoeuvre(
-    bank: Bank, row: Row, angle: float, rate: float, by_angle: float, by_rate: float, by_acceleration: float
+    bank: Bank, row: FilterRow, angle: float, rate: float, by_angle: float, by_rate: float, by_acceleration: float
 ) -> None:
     """Shift angle and rate of all filters, inflate their covariance factors, and predict the reading again.
 

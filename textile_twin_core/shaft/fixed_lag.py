@@ -14,7 +14,7 @@ from textile_twin_core.shaft.filter import Block, process_sample
 from textile_twin_core.shaft.rts_smoother import Smoother, begin_at_row, is_far, new_smoother, set_ripple, smooth
 from textile_twin_core.shaft.settings import require_positive
 from textile_twin_core.shaft.states import ShaftStates
-from textile_twin_core.shaft.status import ROW, STRETCH, Bank, Records, Stamps, Status
+from textile_twin_core.shaft.status import ROW, STRETCH, Bank, FilterStatus, Records, Stamps
 from textile_twin_core.shaft.unit_weight import adopt_weight, scale_covariances
 
 # Lag [s]; rows in the window; rows released by this call; 1 where the smoother must restart; see `unit_weight`.
@@ -111,7 +111,7 @@ def _release(record: Records, due: int, window: Window, smoother: Smoother, read
     """Smooth the window and release the `due` rows after the first, if any; the last of these becomes the first."""
     if due <= 0:
         return
-    status: Status = record[0]
+    status: FilterStatus = record[0]
     bank: Bank = smoother.bank[0]
     progress = window.progress[0]
     known = status.sampling.since > 0.0  # otherwise it has restarted

@@ -36,7 +36,16 @@ from textile_twin_core.shaft.constants import (
 )
 from textile_twin_core.shaft.encoder import FINEST_STEP_RAD, UNKNOWN_STEP_RAD
 from textile_twin_core.shaft.filter_bank import rescale
-from textile_twin_core.shaft.status import Bank, Differences, Noise, Records, Repeats, Sampling, Status, Track
+from textile_twin_core.shaft.status import (
+    Bank,
+    Differences,
+    FilterStatus,
+    Mixture,
+    Noise,
+    Records,
+    Repeats,
+    Sampling,
+)
 
 
 @compiled_in_place
@@ -53,7 +62,7 @@ def rounding_variance(noise: Noise) -> float:
 
 
 @compiled_in_place
-def set_correlated(noise: Noise, track: Track, interval: float) -> None:
+def set_correlated(noise: Noise, track: Mixture, interval: float) -> None:
     """Set the number of readings that count as one because their rounding errors are correlated.
 
     In encoder steps the shaft moves per sample by `rate` beyond whole steps (slow, or in step with the sampling) and by
@@ -74,9 +83,9 @@ def set_correlated(noise: Noise, track: Track, interval: float) -> None:
 
 @compiled_in_place
 def adapt_additive_noise(
-    noise: Noise, differences: Differences, sampling: Sampling, track: Track, reading: float, tried: bool
+    noise: Noise, differences: Differences, sampling: Sampling, track: Mixture, reading: float, tried: bool
 ) -> None:
-    """Estimate the noise beyond jitter from the lag-1 autocovariance of second differences, -4 sigma^2 if white.
+    """Mixture the noise beyond jitter from the lag-1 autocovariance of second differences, -4 sigma^2 if white.
 
     The autocovariance of the motion is positive while ripple has many samples per wave, so motion adds no noise. With
     few samples per wave it may look like noise: such samples count only after models with ripple were `tried`.
@@ -199,7 +208,7 @@ def set_resolution(record: Records, resolution: float) -> None:
     Filters of a turning shaft keep the variance that they have learnt; at standstill they have learnt none.
     """
     for i in range(2 if record[0].gate.provisional > 0.0 else 1):
-        status: Status = record[i]
+        status: FilterStatus = record[i]
         noise, track, interval = status.noise, status.track, status.sampling.interval
         before = measurement_variance(noise, track.speed)
         least = UNKNOWN_STEP_RAD if noise.guessed > 0.0 else noise.resolution
@@ -219,7 +228,7 @@ def begin_jitter(noise: Noise, interval: float) -> None:
 
 
 @compiled_in_place
-def adapt_jitter(bank: Bank, noise: Noise, track: Track, interval: float, variance: float) -> None:
+def adapt_jitter(bank: Bank, noise: Noise, track: Mixture, interval: float, variance: float) -> None:
     """Attribute the noise scale of the leading model's best filter to jitter, whose variance follows the speed.
 
     White noise of the readings bounds the jitter: a plain filter's scale may come from motion that it cannot follow.

@@ -29,7 +29,7 @@ from textile_twin_core.shaft.constants import (
     UNBIASED,
 )
 from textile_twin_core.shaft.measurement_noise import standstill_speed
-from textile_twin_core.shaft.status import Bank, Models, Noise, Orders, Row, Sampling, Track
+from textile_twin_core.shaft.status import Bank, FilterRow, Mixture, Models, Noise, Orders, Sampling
 from textile_twin_core.shaft.turns import TURN
 
 
@@ -60,7 +60,7 @@ def _turns_remembered(models: Models, move: float) -> float:
 
 @compiled_in_place
 def begin_or_suspend(
-    bank: Bank, orders: Orders, sampling: Sampling, track: Track, noise: Noise, f: int, turned: float
+    bank: Bank, orders: Orders, sampling: Sampling, track: Mixture, noise: Noise, f: int, turned: float
 ) -> None:
     """Start, resize or suspend a model with ripple, `turned` [rad] after the last sample.
 
@@ -202,7 +202,7 @@ def memory_of(bank: Bank, f: int) -> float:
 
 
 @compiled_in_place
-def combine(bank: Bank, track: Track, row: Row) -> None:
+def combine(bank: Bank, track: Mixture, row: FilterRow) -> None:
     """Set mean and covariance (9,) of the mixture of all filters, in the track and in a row."""
     filters, models, slopes, top = bank.filters, bank.models, bank.wave.slopes, 0.0
     for f in range(layout.MODELS):

@@ -42,19 +42,19 @@ from textile_twin_core.shaft.status import (
     Bank,
     Counts,
     Differences,
+    FilterRow,
+    FilterStatus,
     Gate,
+    Mixture,
     Records,
-    Row,
     Sampling,
-    Status,
-    Track,
     Unwrapping,
 )
 from textile_twin_core.shaft.unwrapping import unwrap_reading
 
 
 @compiled_in_place
-def predicted_angle(state: Track | Row, step: float) -> float:
+def predicted_angle(state: Mixture | FilterRow, step: float) -> float:
     """Predict the angle [rad] `step` [s] after a state, at constant acceleration."""
     return float(state.angle + step * (state.speed + 0.5 * step * state.acceleration))
 
@@ -69,7 +69,7 @@ def set_start(start: FloatArray, angle: float, rate: float, noise: float, step: 
 
 
 @compiled_in_place
-def initiate(status: Status, step: float, angle: float, rate: float, row: Row) -> None:
+def initiate(status: FilterStatus, step: float, angle: float, rate: float, row: FilterRow) -> None:
     """Initiate the track, at first or after a loss, from the reading `angle`, `step` [s] after the last.
 
     A sensor's own speed replaces the speed `rate` [rad/s] where it agrees. It is not used later: drives mostly
@@ -101,7 +101,7 @@ def initiate(status: Status, step: float, angle: float, rate: float, row: Row) -
 
 
 @compiled_in_place
-def _begin_differences(status: Status, reading: float) -> None:
+def _begin_differences(status: FilterStatus, reading: float) -> None:
     """Restart the differences of readings at a reading: moves from earlier ones are meaningless."""
     differences = status.differences
     status.unwrapping.last = differences.last_used = reading
@@ -124,7 +124,7 @@ def is_false_start(
 
 
 @compiled_in_place
-def is_runaway(gate: Gate, track: Track, resolution: float, moved: float, step: float) -> bool:
+def is_runaway(gate: Gate, track: Mixture, resolution: float, moved: float, step: float) -> bool:
     """Return whether the estimated speed has long been many times that of the readings, which moved by `moved` [rad].
 
     No reading would correct it: the readings' variance grows with the speed.
@@ -160,13 +160,13 @@ def _slipped_before(gate: Gate, innovation: float) -> bool:
 
 
 @compiled_in_place
-def accept_manoeuvre(record: Records, reading: float, innovation: float, step: float, row: Row) -> bool:
+def accept_manoeuvre(record: Records, reading: float, innovation: float, step: float, row: FilterRow) -> bool:
     """Accept an innovation outside the gate as a manoeuvre, or reject the reading.
 
     A manoeuvre lies on a line with the last two rejected innovations, on one side; fewer are enough where `early` or
     `at_once` (see `reconsider`). Equal innovations are a slip of the encoder.
     """
-    status: Status = record[0]
+    status: FilterStatus = record[0]
     gate, track, sampling, repeats = status.gate, status.track, status.sampling, status.repeats
     early = gate.rejected_run == 1.0 and gate.clean >= CLEAN_SAMPLES
     at_once = gate.rejected_run == 0.0 and gate.abrupt > 0.0 and track.fastest > 0.0 and repeats.share <= REPEATING
@@ -238,8 +238,8 @@ def reconsider(record: Records, raw: float, step: float, gap: bool) -> bool:
     The manoeuvre stays if the reading is much nearer to it than to the track without it, stored in `record[1]`;
     otherwise that track is restored. After a gap neither track predicts the reading.
     """
-    status: Status = record[0]
-    without: Status = record[1]
+    status: FilterStatus = record[0]
+    without: FilterStatus = record[1]
     status.gate.provisional = 0.0
     near = abs(_distance(status.unwrapping, status.track, raw, step))
     if not gap and near < NEARER * abs(_distance(without.unwrapping, without.track, raw, step)):
@@ -253,7 +253,7 @@ def reconsider(record: Records, raw: float, step: float, gap: bool) -> bool:
 
 
 @compiled_in_place
-def _distance(unwrapping: Unwrapping, track: Track, raw: float, step: float) -> float:
+def _distance(unwrapping: Unwrapping, track: Mixture, raw: float, step: float) -> float:
     """Return the distance of a reading from the prediction [rad]."""
     innovation, period = raw + unwrapping.slips - predicted_angle(track, step), unwrapping.period
     return float(innovation - period * np.rint(innovation / period) if period > 0.0 else innovation)
@@ -276,7 +276,7 @@ def is_predicted(bank: Bank, variance: float, interval: float, step: float, read
 
 
 @compiled_in_place
-def bridge_gap(status: Status, step: float, raw: float, row: Row) -> None:
+def bridge_gap(status: FilterStatus, step: float, raw: float, row: FilterRow) -> None:
     """Continue after a gap: keep the ripple, move the angle to the reading, inflate the state's covariance."""
     bank, sampling, track = status.bank, status.sampling, status.track
     reading = unwrap_reading(status.unwrapping, sampling.samples, raw, track.angle + track.speed * step)

@@ -16,7 +16,7 @@ from textile_twin_core.shaft.constants import (
     WIDEST_WINDOW,
     WINDOW_FREEDOM,
 )
-from textile_twin_core.shaft.status import Records, Row
+from textile_twin_core.shaft.status import FilterRow, Records
 
 
 @compiled_in_place
@@ -51,7 +51,7 @@ def set_initial_intensities(rows: Records, model: int) -> None:
 
 
 @compiled_in_place
-def _independent(row: Row, model: int) -> float:
+def _independent(row: FilterRow, model: int) -> float:
     """Return the number of independent samples that a row counts for, at most 1."""
     return float(1.0 / max(row.correlated, min(math.exp(row.memory[model]) / STEADY, MOST_CORRELATED), 1.0))
 

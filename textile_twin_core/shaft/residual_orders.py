@@ -34,7 +34,7 @@ from textile_twin_core.shaft.constants import (
 )
 from textile_twin_core.shaft.filter_bank import set_shaft_second
 from textile_twin_core.shaft.model_bank import samples_a_turn
-from textile_twin_core.shaft.status import Bank, Models, Orders, Row, Sampling, Status
+from textile_twin_core.shaft.status import Bank, FilterRow, FilterStatus, Models, Orders, Sampling
 
 
 @compiled_in_place
@@ -67,7 +67,7 @@ def average_orders(bank: Bank, orders: Orders, sampling: Sampling, angle: float,
 
 
 @compiled_in_place
-def set_sensor_power(status: Status, power: float) -> None:
+def set_sensor_power(status: FilterStatus, power: float) -> None:
     """Divide the orders between sensor and motion by the sensor's power known at the end of a record."""
     bank, orders, sampling = status.bank, status.orders, status.sampling
     orders.sensor_power = power
@@ -77,7 +77,7 @@ def set_sensor_power(status: Status, power: float) -> None:
 
 
 @compiled_in_place
-def set_systematic(models: Models, row: Row, speed: float, least: float) -> None:
+def set_systematic(models: Models, row: FilterRow, speed: float, least: float) -> None:
     """Set a row's variances by orders of uncertain origin, at a speed [rad/s] that is no standstill above `least`."""
     power = 1.0 if abs(speed) > least else 0.0
     for place in range(3):
@@ -86,7 +86,7 @@ def set_systematic(models: Models, row: Row, speed: float, least: float) -> None
 
 
 @compiled_in_place
-def add_systematic(row: Row, part: float) -> None:
+def add_systematic(row: FilterRow, part: float) -> None:
     """Add the part `part` of these variances to a row's covariance."""
     for place in range(3):
         row.covariance[4 * place] += part * row.systematic[place]

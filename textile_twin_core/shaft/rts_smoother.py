@@ -36,7 +36,7 @@ from textile_twin_core.shaft.process_noise import adapt_intensities, set_initial
 from textile_twin_core.shaft.residual_orders import add_systematic
 from textile_twin_core.shaft.ripple import set_sensitivity
 from textile_twin_core.shaft.settings import ShaftSettings
-from textile_twin_core.shaft.status import MANOEUVRE, STRETCH, Bank, Records, Row, new_bank
+from textile_twin_core.shaft.status import MANOEUVRE, STRETCH, Bank, FilterRow, Records, new_bank
 
 
 @by_reference
@@ -84,7 +84,7 @@ def begin_at_state(smoother: Smoother, theta: float, omega: float, alpha: float,
 
 
 @compiled_in_place
-def begin_at_row(smoother: Smoother, row: Row) -> None:
+def begin_at_row(smoother: Smoother, row: FilterRow) -> None:
     """Set the initial state and covariance factor from the state of a row."""
     start, p = smoother.filtered[0], row.covariance
     start[layout.L00] = math.sqrt(p[8])
@@ -96,7 +96,7 @@ def begin_at_row(smoother: Smoother, row: Row) -> None:
 
 
 @compiled_in_place
-def is_far(smoother: Smoother, row: Row) -> bool:
+def is_far(smoother: Smoother, row: FilterRow) -> bool:
     """Return whether the initial angle is far from the bank's at a row, and a used reading is not closer to it."""
     bank: Bank = smoother.bank[0]
     g = wave_at(bank, bank.models.leading, layout.SMOOTHER, bank.models.shaft_second, row.angle)
@@ -114,7 +114,7 @@ def smooth_model(smoother: Smoother, source: Bank, model: int, rows: Records, fi
     constant.
     """
     bank: Bank = smoother.bank[0]
-    start: Row = rows[0]
+    start: FilterRow = rows[0]
     set_ripple(bank, source, model)
     for i in range(rows.size):
         rows[i].intensity = 0.0
@@ -283,7 +283,7 @@ def _squares(a: float, b: float, c: float, sums: tuple[float, ...]) -> tuple[flo
 
 
 @compiled_in_place
-def _write_state(smoother: Smoother, row: Row, noise: float) -> None:
+def _write_state(smoother: Smoother, row: FilterRow, noise: float) -> None:
     """Write state and covariance of the shaft from the smoothed clock, with that of ripple which it does not follow."""
     bank: Bank = smoother.bank[0]
     s = smoother.smoothed

@@ -174,7 +174,7 @@ class Unwrapping:
     encoder_zero: float  # angle at which the encoder reads 0
 
 
-class Track:
+class Mixture:
     """The estimate: the mixture of all filters."""
 
     angle: float
@@ -244,7 +244,7 @@ class Gate:
     provisional: float  # 1 after a reading accepted at once, until the next one confirms it
 
 
-class Status:
+class FilterStatus:
     """All that the recursion knows between two readings.
 
     The filters come first, so that no vector of filters spans two cache lines of the processor.
@@ -255,7 +255,7 @@ class Status:
     counts: Counts
     sampling: Sampling
     unwrapping: Unwrapping
-    track: Track
+    track: Mixture
     differences: Differences
     noise: Noise
     repeats: Repeats
@@ -274,7 +274,7 @@ class State:
     covariance: Annotated[FloatArray, (9,)]
 
 
-class Row(State):
+class FilterRow(State):
     """State, and the data for smoothing."""
 
     reading: float  # unwrapped
@@ -310,7 +310,7 @@ def record_dtype(kind: type) -> np.dtype[Any]:
     return np.dtype(fields)
 
 
-BANK, STATUS, STATE, ROW = (record_dtype(kind) for kind in (Bank, Status, State, Row))
+BANK, STATUS, STATE, ROW = (record_dtype(kind) for kind in (Bank, FilterStatus, State, FilterRow))
 COUNTS = ("accepted", "repeats", "gaps", "jumps", "outliers", "reversals", "standstills", "losses")
 _PERSISTENT = {
     "counts": record_dtype(Counts).names,

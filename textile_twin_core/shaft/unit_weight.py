@@ -8,11 +8,11 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft.constants import BOUND, CLIP, CLIPPED, LEAST_REDUNDANCY, SCALE_SAMPLES
 from textile_twin_core.shaft.residual_orders import add_systematic
-from textile_twin_core.shaft.status import Records, Row
+from textile_twin_core.shaft.status import FilterRow, Records
 
 
 @compiled_in_place
-def _weigh_residual(weight: FloatArray, row: Row) -> float:
+def _weigh_residual(weight: FloatArray, row: FilterRow) -> float:
     """Update `weight` (2,), the factor and its redundancy, with a smoothed row's residual; return the factor."""
     if row.noise > 0.0 and row.residual != 0.0 and abs(row.speed) * row.step > 3.0 * math.sqrt(row.noise):
         redundancy = max(1.0 - (row.covariance[0] - row.systematic[0]) / row.noise, LEAST_REDUNDANCY)

@@ -8,7 +8,7 @@ import numpy as np
 
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft.constants import FAR_ROUND, MAX_GAP_SIGMA, MAX_SPEED_RATIO, RANGE, SETTLING, USUAL_STEP
-from textile_twin_core.shaft.status import OPEN, UNWRAPPED, WRAPPED, Sampling, Track, Unwrapping
+from textile_twin_core.shaft.status import OPEN, UNWRAPPED, WRAPPED, Mixture, Sampling, Unwrapping
 
 
 @compiled_in_place
@@ -40,7 +40,7 @@ def unwrap_reading(unwrapping: Unwrapping, samples: float, raw: float, expected:
 
 @compiled_in_place
 def unwrap_move(
-    unwrapping: Unwrapping, sampling: Sampling, track: Track,
+    unwrapping: Unwrapping, sampling: Sampling, track: Mixture,
     raw: float, expected: float, variance: float, step: float, repeated: float,
 ) -> float:  # fmt: skip
     """Unwrap a reading [rad] `step` [s] after the last, of a shaft that moves by less than half a period per interval.
