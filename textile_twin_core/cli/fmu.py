@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace) -> None:
     if isinstance(machine, ContactMachine):
         tell("for co-simulation alone, and the law of motion is a constant of this unit")
     if not made.has_binary:
-        tell("without a library, since no C compiler for 64-bit Linux is at hand: the importer compiles the sources")
+        tell("without a library, since no C compiler for 64-bit Linux works here: the importer compiles the sources")
     print_rows(
         [
             ("outputs", ", ".join(made.outputs)),

@@ -20,7 +20,7 @@ from textile_twin_core.machine.model import total
 
 _STATE = "const double *c, double theta, double omega"
 _OUTPUTS = f"TT_LOCAL void tt_outputs({_STATE}, double alpha, double *y)"
-_LEAPS = f"TT_LOCAL void tt_leaps({_STATE}, double *value, double *level)"
+_LEAPS = f"TT_LOCAL void tt_leaps({_STATE}, double alpha, double *value, double *level)"
 _ACCELERATION = f"TT_LOCAL double tt_acceleration({_STATE}, double torque, const double *leap)"
 _OMEGA, _TORQUE = variable("omega"), variable("torque")
 

@@ -9,6 +9,7 @@
 #define REVERSED 1e-9      /* speed against the direction [rad/s] that counts as a standstill passed */
 #define TOLERANCE 1e-13    /* error of a step: of angles [rad], and of speeds over 1 rad/s and the speed */
 #define ROUNDING 1e-14
+#define CLOSE 1e-17        /* time [s] to which an event is located */
 #define LARGEST_ANGLE 0.05 /* of a step [rad], so that no step of a load is passed over */
 #define MOST_STEPS 100000000L
 #define N TT_STATIONS
@@ -220,9 +221,10 @@ static void first_modes(tt_state *s) {
    friction; per hanger its distances from the ends of its stretch; per piece those from the ends of its side. */
 static void monitors(tt_state *s, double later, const double *x, double *out) {
     double y[2 * N], slope[2 * N], angle;
-    int i, k;
+    int i, k, standing = 0;
     full_state(s, later, x, y);
-    slopes(s, y, slope);
+    for (i = 0; i < N; ++i) standing |= !s->turning[i] && i != TT_FIXED;
+    if (standing) slopes(s, y, slope);
     angle = y[0];
     for (i = 0; i < N; ++i) {
         if (s->turning[i]) out[i] = s->turning[i] * y[N + i];
@@ -438,9 +440,10 @@ TT_LOCAL int tt_event(tt_state *s) {
     return changed;
 }
 
-/* One step of Dormand and Prince's method of order 5 between events; returns its error over the tolerance
-   (Dormand, J. R., Prince, P. J. (1980). A family of embedded Runge-Kutta formulae. J. Comput. Appl. Math. 6, 19-26). */
-static double step(tt_state *s, double later, double h, double *x) {
+/* One step of Dormand and Prince's method of order 5 between events, from the rates at its beginning, with those at its
+   end; returns its error over the tolerance (Dormand, J. R., Prince, P. J. (1980). A family of embedded Runge-Kutta
+   formulae. J. Comput. Appl. Math. 6, 19-26). */
+static double step(tt_state *s, double later, double h, const double *first, double *x, double *last) {
     static const double a[6][6] = {
         {1.0 / 5},
         {3.0 / 40, 9.0 / 40},
@@ -452,7 +455,7 @@ static double step(tt_state *s, double later, double h, double *x) {
     static const double e[7] = {71.0 / 57600, 0.0, -71.0 / 16695, 71.0 / 1920, -17253.0 / 339200, 22.0 / 525, -1.0 / 40};
     double rate[7][TT_STATES], error = 0.0, size = 1.0 + fabs(TT_TORQUE_INPUT ? s->x[N + TT_DRIVE] : s->omega);
     int i, j, k;
-    rates(s, later, s->x, rate[0]);
+    memcpy(rate[0], first, sizeof rate[0]);
     for (i = 0; i < 6; ++i) {
         for (k = 0; k < TT_STATES; ++k) {
             double sum = 0.0;
@@ -467,12 +470,12 @@ static double step(tt_state *s, double later, double h, double *x) {
         sum = fabs(h * sum) / (TOLERANCE * (k < TT_STATES - (TT_TORQUE_INPUT ? N : TT_PIECES) ? 1.0 : size));
         if (!(sum <= error)) error = sum;
     }
+    memcpy(last, rate[6], sizeof rate[6]);
     return error;
 }
 
-/* First monitor that has passed zero; -1 where none has. */
-static int passed(tt_state *s, double later, const double *x, const double *began) {
-    double now[TT_MONITORS];
+/* First monitor that has passed zero, with the values of all; -1 where none has. */
+static int passed(tt_state *s, double later, const double *x, const double *began, double *now) {
     int k;
     monitors(s, later, x, now);
     for (k = 0; k < TT_MONITORS; ++k)
@@ -480,42 +483,67 @@ static int passed(tt_state *s, double later, const double *x, const double *bega
     return -1;
 }
 
+/* Go exactly onto the first change within a step of h, by the Illinois method on its monitor; returns its time
+   (Dowell, M., Jarratt, P. (1971). A modified regula falsi method. BIT 11, 168-174). */
+static double land(tt_state *s, double later, double h, const double *first, double *x, double *end,
+                   const double *began, double *now, int *which) {
+    double low = 0.0, high = h, at_low[TT_MONITORS], before = began[*which], after = now[*which];
+    int moved = 0, k;
+    memcpy(at_low, began, sizeof at_low);
+    while (high - low > 2.0 * CLOSE) {
+        double middle = before > 0.0 ? low + (high - low) * before / (before - after) : 0.5 * (low + high);
+        middle = fmin(fmax(middle, low + CLOSE), high - CLOSE);
+        step(s, later, middle, first, x, end);
+        k = passed(s, later + middle, x, began, now);
+        if (k >= 0) {
+            high = middle;
+            after = now[k];
+            if (k != *which) before = at_low[k];
+            else if (moved > 0) before *= 0.5;
+            *which = k;
+            moved = 1;
+        } else {
+            low = middle;
+            before = now[*which];
+            memcpy(at_low, now, sizeof at_low);
+            if (moved < 0) after *= 0.5;
+            moved = -1;
+        }
+    }
+    step(s, later, high, first, x, end);
+    return high;
+}
+
 TT_LOCAL int tt_advance(tt_state *s, double until) {
     const double from = s->time, span = until - s->time, theta = s->theta, omega = s->omega, alpha = s->alpha;
-    double x[TT_STATES], began[TT_MONITORS], later = 0.0;
+    double x[TT_STATES], first[TT_STATES], end[TT_STATES], began[TT_MONITORS], now[TT_MONITORS], later = 0.0;
     long steps;
     int k;
     refresh(s);
     tt_event(s);
     monitors(s, 0.0, s->x, began);
+    rates(s, 0.0, s->x, first);
     for (steps = 0; steps < MOST_STEPS && later < span; ++steps) {
-        double left = span - later, h = s->step > 0.0 ? s->step : 1e-6, error, fastest, low, high;
+        double left = span - later, h = s->step > 0.0 ? s->step : 1e-6, error, fastest;
         int last = 0, which;
         for (;;) {
             fastest = fabs(TT_TORQUE_INPUT ? s->x[N + TT_DRIVE] : s->omega + later * s->alpha) + 1e-300;
             if (h * fastest > LARGEST_ANGLE) h = LARGEST_ANGLE / fastest;
             last = h >= left;
             if (last) h = left;
-            error = step(s, later, h, x);
+            error = step(s, later, h, first, x, end);
             if (error <= 1.0 || (isfinite(error) && h < 1e-12)) break;
             if (h < 1e-14) return 0;
             h *= isfinite(error) ? fmax(0.2, 0.9 * pow(error, -0.2)) : 0.2;
         }
         if (!last || error > 1e-4) s->step = h * fmin(5.0, 0.9 * pow(error + 1e-12, -0.2));
-        which = passed(s, later + h, x, began);
+        which = passed(s, later + h, x, began, now);
         if (which >= 0) {
-            for (low = 0.0, high = h; high - low > 1e-17;) {
-                double middle = 0.5 * (low + high);
-                if (!(low < middle && middle < high)) break;
-                step(s, later, middle, x);
-                k = passed(s, later + middle, x, began);
-                if (k >= 0) high = middle, which = k; else low = middle;
-            }
-            step(s, later, high, x);
-            h = high;
+            h = land(s, later, h, first, x, end, began, now, &which);
             last = 0;
         }
         memcpy(s->x, x, sizeof x);
+        memcpy(first, end, sizeof end);
         later = last ? span : later + h;
         if (which >= 0) {
             /* the change happens where the given motion is by now */
@@ -524,8 +552,9 @@ TT_LOCAL int tt_advance(tt_state *s, double until) {
             change(s, which);
             s->theta = theta;
             s->omega = omega;
-        }
-        monitors(s, later, s->x, began);
+            rates(s, later, s->x, first);
+            monitors(s, later, s->x, began);
+        } else memcpy(began, now, sizeof now);
     }
     s->time = from + span;
     if (!TT_TORQUE_INPUT) {

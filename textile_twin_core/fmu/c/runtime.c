@@ -27,7 +27,7 @@ static double beside(const tt_state *s, int direction) {
 #if TT_TORQUE_INPUT
 static void leaps_for(const tt_state *s, double theta, int direction, double *value) {
     double level[TT_SIZE(TT_LEAPS)];
-    tt_leaps(s->constant, theta, (double)direction, value, level);
+    tt_leaps(s->constant, theta, (double)direction, 0.0, value, level);
 }
 
 /* Acceleration from standstill in a direction, positive where the torques push that way. */
@@ -96,7 +96,7 @@ TT_LOCAL void tt_indicators(tt_state *s, double *indicator) {
     refresh(s);
 #if TT_TORQUE_INPUT
     int direction = s->direction ? s->direction : 1;
-    tt_leaps(s->constant, s->theta, (double)direction, value, indicator);
+    tt_leaps(s->constant, s->theta, (double)direction, 0.0, value, indicator);
     if (s->direction) {
         indicator[TT_LEAPS] = s->direction * s->omega + REVERSED;
     } else {
@@ -104,7 +104,7 @@ TT_LOCAL void tt_indicators(tt_state *s, double *indicator) {
         indicator[TT_LEAPS] = forward > backward ? forward : backward;
     }
 #else
-    tt_leaps(s->constant, s->theta, s->omega, value, indicator);
+    tt_leaps(s->constant, s->theta, s->omega, s->alpha, value, indicator);
 #endif
 }
 

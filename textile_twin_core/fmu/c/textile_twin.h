@@ -136,7 +136,7 @@ typedef struct {
 /* Generated. */
 TT_LOCAL void tt_constants(const double *p, double *c);
 TT_LOCAL void tt_outputs(const double *c, double theta, double omega, double alpha, double *y);
-TT_LOCAL void tt_leaps(const double *c, double theta, double omega, double *value, double *level);
+TT_LOCAL void tt_leaps(const double *c, double theta, double omega, double alpha, double *value, double *level);
 TT_LOCAL double tt_acceleration(const double *c, double theta, double omega, double torque, const double *leap);
 
 #endif

@@ -10,7 +10,11 @@ TT_LOCAL void tt_reset(tt_state *s) {
 }
 
 TT_LOCAL int tt_get(tt_state *s, uint32_t reference, double *value) {
-    tt_bring_up_to_date(s);
+    if (s->outputs_old || s->parameters_changed) tt_bring_up_to_date(s);
+    if (reference - TT_OUTPUT < TT_OUTPUTS) { /* most often asked for */
+        *value = s->output[reference - TT_OUTPUT];
+        return 1;
+    }
 #if TT_CHAIN
     if (reference >= TT_DER_STATE) {
         double derivative[TT_STATES];
@@ -28,11 +32,6 @@ TT_LOCAL int tt_get(tt_state *s, uint32_t reference, double *value) {
     if (reference >= TT_PARAMETER) {
         if (reference - TT_PARAMETER >= TT_PARAMETERS) return 0;
         *value = s->parameter[reference - TT_PARAMETER];
-        return 1;
-    }
-    if (reference >= TT_OUTPUT) {
-        if (reference - TT_OUTPUT >= TT_OUTPUTS) return 0;
-        *value = s->output[reference - TT_OUTPUT];
         return 1;
     }
     if (reference >= TT_INDICATOR) {
