@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import math
 import sys
-import tempfile
 from pathlib import Path
 
 import numpy as np
 from scipy.io import loadmat
 
-import textile_twin_core as ttc
+from tests.benchmarks.two_motor_drive import rotor
 from textile_twin_core.comparison import Cause, Identification, Readings, assess, identify
 from textile_twin_core.machine import Machine
 
@@ -30,18 +29,7 @@ SHARES = (1.0, 0.5, 0.2, 0.05)
 def machine(share: float) -> Machine:
     """The screw with a share of the published mass."""
     r = METRES_A_RADIAN
-    text = (
-        "points: {O: [0, 0]}\n"
-        "groups: [{type: crank, name: screw, at: O, end: A, length_m: 0.01}]\n"
-        f"bodies: {{screw: {{mass_kg: 0, inertia_kgm2: {share * MASS_KG * r**2:.9e}}}}}\n"
-        f"loads: [{{type: shaft_friction, viscous_Nms: {VISCOUS_NS_M * r**2:.9e}, coulomb_Nm: {COULOMB_N * r:.9e}}}]\n"
-        f"sensors: {{torque: {{offset_Nm: {OFFSET_N * r:.9e}}}}}\n"
-        "gravity_m_s2: [0, 0]\n"
-    )
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "screw.yaml"
-        path.write_text(text)
-        return ttc.load_machine(path)
+    return rotor(share * MASS_KG * r**2, VISCOUS_NS_M * r**2, COULOMB_N * r, OFFSET_N * r)
 
 
 def readings(path: Path) -> Readings:

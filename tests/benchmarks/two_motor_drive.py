@@ -7,16 +7,18 @@ Data/Identification/*.mat of the repository malik-robert/HSM150-data in it.
 from __future__ import annotations
 
 import sys
-import tempfile
 from pathlib import Path
 
 import numpy as np
 from scipy.io import loadmat
 
-import textile_twin_core as ttc
 from textile_twin_core.comparison import Readings, assess, identify
+from textile_twin_core.dynamics import Body
+from textile_twin_core.dynamics.loads import ShaftFriction
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Machine
+from textile_twin_core.machine.sensors import Sensors, TorqueSensor
+from textile_twin_core.mechanism import Crank
 
 INERTIA_KGM2, VISCOUS_NMS = 1.2e-4, 7.03e-5
 """As stated beside the recordings."""
@@ -24,24 +26,22 @@ POSITION, COMMANDED, MEASURED = 2, 4, 5
 """Columns of the recordings."""
 
 
-def machine() -> Machine:
-    """The rotor with the stated inertia and friction."""
-    text = (
-        "points: {O: [0, 0]}\n"
-        "groups: [{type: crank, name: rotor, at: O, end: A, length_m: 0.01}]\n"
-        f"bodies: {{rotor: {{mass_kg: 0, inertia_kgm2: {INERTIA_KGM2}}}}}\n"
-        f"loads: [{{type: shaft_friction, viscous_Nms: {VISCOUS_NMS}, coulomb_Nm: 0}}]\n"
-        "gravity_m_s2: [0, 0]\n"
+def rotor(inertia_kgm2: float, viscous_Nms: float, coulomb_Nm: float = 0.0, torque_offset_Nm: float = 0.0) -> Machine:
+    """Return a rotor with friction as a machine, for drives without a linkage."""
+    return Machine(
+        name="rotor",
+        points={"O": (0.0, 0.0)},
+        groups=(Crank("rotor", at="O", end="A", length_m=0.01),),
+        bodies=(Body("rotor", 0.0, inertia_kgm2),),
+        loads=(ShaftFriction(viscous_Nms, coulomb_Nm),),
+        gravity_m_s2=(0.0, 0.0),
+        sensors=Sensors(torque=TorqueSensor(offset_Nm=torque_offset_Nm)),
     )
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "rotor.yaml"
-        path.write_text(text)
-        return ttc.load_machine(path)
 
 
 def main(folder: Path) -> None:
     """Print a Markdown table: inertia and viscous friction [1e-4 kg m2, 1e-5 N m s] with 95 % intervals."""
-    twin = machine()
+    twin = rotor(INERTIA_KGM2, VISCOUS_NMS)
     print("| recording | torque | verdict | J, 1e-4 kg m2 | B, 1e-5 N m s |")
     print("|---|---|---|---|---|")
     for path in sorted(folder.glob("idf_*.mat")):

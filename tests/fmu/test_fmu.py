@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 import textile_twin_core as ttc
+from tests.benchmarks.fmu_steps import LOOM_MASSES, TORQUES
 from textile_twin_core.cli.main import main
 from textile_twin_core.dynamics import Body
 from textile_twin_core.expression import interpret
@@ -32,13 +33,6 @@ pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C co
 
 Fmi = Literal[2, 3]
 Input = Literal["angle", "torque"]
-LOOM_MASSES = {
-    "gear_1_kg": 1.0, "gear_2_kg": 1.2, "crank_kg": 0.5, "coupler_kg": 0.7, "rocker_kg": 1.1, "sley_kg": 3.0,
-    "gear_1_kgm2": 2e-3, "gear_2_kgm2": 3e-3, "crank_kgm2": 4e-4, "coupler_kgm2": 2e-3, "rocker_kgm2": 4e-3,
-    "sley_kgm2": 0.02,
-}  # fmt: skip
-"""The paper of the power loom prints none."""
-TORQUES = {"tufting": 25.0, "handloom_beatup": 0.3, "elliptic_gear_beatup": 0.3, "six_bar_loom": 3.0}
 KINDS = ("CoSimulation", "ModelExchange")
 
 
