@@ -23,7 +23,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Write two recordings of a tufting machine, one with more friction from the start, and an invalid file."""
     made_in = tmp_path_factory.mktemp("shift")
     for name, kind in (("friction", "friction"), ("healthy", "")):
-        made = faulty(kind, 1.2, 71, duration_s=14.0, onset_s=0.0, rate=120.0).recording
+        made = faulty(kind, 1.2, 71, duration_s=9.0, onset_s=0.0, rate=120.0).recording
         with BagWriter(made_in / name) as out:
             out.write_joint_states("main_shaft/angle", made.angle_stamps_ns, ["main_shaft"], made.angle)
             out.write_wrenches("balancing_torque/measured", made.torque_stamps_ns, made.torque)

@@ -104,7 +104,7 @@ def test_a_velocity_is_compared_at_the_speed_of_the_shaft(tmp_path: Path, capsys
 def test_speed_under_a_torque_gives_inertia_and_delay() -> None:
     rotor = 0.021  # a bare rotor, whose motion under a torque by time is known in closed form
     speed, rate = 100.0, 4000.0
-    time = np.arange(0.0, 1.6, 1.0 / rate)
+    time = np.arange(0.0, 0.8, 1.0 / rate)
     # omega = w0 + sum a sin(h w0 t), alpha by hand; the ripple is so small that the angle equals w0 t.
     waves = ((0.5, 0.6), (1.0, 0.4), (1.5, 0.3), (2.0, 0.2))
     theta = speed * time - sum(a / (h * speed) * np.cos(h * speed * time) for h, a in waves)

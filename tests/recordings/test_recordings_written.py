@@ -235,7 +235,7 @@ def test_installed_definitions_agree_with_the_rosbags_library(msgtype: str, monk
     monkeypatch.setenv("AMENT_PREFIX_PATH", sys.prefix)
     if not (Path(sys.prefix) / "share" / "lifecycle_msgs").exists():
         pytest.skip("no ROS message packages beside this Python")
-    installed, known = schemas._installed_schema(msgtype), message_schema(msgtype)
+    installed, known = schemas.installed_schema(msgtype), message_schema(msgtype)
     assert installed.type_hash == known.type_hash
     assert get_types_from_msg(installed.text, msgtype).keys() == get_types_from_msg(known.text, msgtype).keys()
 

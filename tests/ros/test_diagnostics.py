@@ -70,7 +70,7 @@ def test_publishers_are_reported_by_their_names_which_may_come_late(
 def test_who_has_just_started_may_not_know_yet_who_publishes(suite: Suite, monkeypatch: pytest.MonkeyPatch) -> None:
     node = suite.node()
     for started, words in ((math.inf, "no publisher found there yet"), (-math.inf, "nobody publishes there")):
-        monkeypatch.setattr(endpoints, "_STARTED", started)
+        monkeypatch.setattr(endpoints, "STARTED", started)
         assert describe_publishers(node, "torque", WRENCH) == words
 
 

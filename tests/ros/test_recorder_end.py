@@ -56,7 +56,7 @@ def test_what_waits_at_the_end_is_recorded(recorder: RecordNode, tmp_path: Path)
 def test_the_end_comes_within_its_time_however_much_waits(
     recorder: RecordNode, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(record_node, "_LONGEST_DRAIN_S", -1.0)
+    monkeypatch.setattr(record_node, "LONGEST_DRAIN_S", -1.0)
     recorder.close()
     assert open_bag(tmp_path / "run").message_count == 0
 

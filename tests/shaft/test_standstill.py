@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.campaign import more
 from tests.shaft.kinds import make
 from tests.shaft.textbook import textbook
 from textile_twin_core.shaft import ShaftStates, create_estimator
@@ -86,10 +87,11 @@ def beside_the_textbook(time: np.ndarray, read: np.ndarray) -> np.ndarray:
     return np.array(ratios)
 
 
+@pytest.mark.parametrize("seeds", [range(12), *more(range(12, 24))], ids=str)
 @pytest.mark.parametrize("view", ["causal", "lag", "smooth"])
-def test_no_sequence_of_runs_and_standstills_spoils_its_neighbours(view: str) -> None:
+def test_no_sequence_of_runs_and_standstills_spoils_its_neighbours(view: str, seeds: range) -> None:
     spoilt = []
-    for seed in range(24):
+    for seed in seeds:
         record = make("runs", seed)
         estimator = create_estimator(view)
         states = [estimator.step(record.time_s, record.fed_rad), estimator.finish()][view == "smooth"]

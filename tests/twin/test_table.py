@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from dataclasses import replace
 from functools import cache
 
@@ -22,9 +21,8 @@ TORQUE = "balancing_torque_Nm"
 @pytest.fixture(autouse=True)
 def compiled_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Compile loops at once, however short a block is; otherwise short blocks are evaluated exactly."""
-    monkeypatch.setattr(loop, "_LONG", 1)
-    monkeypatch.setattr(loop, "_WORTH", 1)
-    monkeypatch.setattr(loop, "_MET", Counter())  # separate cache from other tests
+    monkeypatch.setattr(loop, "LONG", 1)
+    monkeypatch.setattr(loop, "WORTH", 1)
 
 
 @pytest.fixture(scope="module")
@@ -93,13 +91,13 @@ def test_reached_error_is_honest(machine: ttc.Machine, method: str, tolerance: f
     assert error >= 0.1 * max(twin.reached_error, 1e-15) or error < 1e-15
 
 
-@pytest.mark.parametrize("method", ["table", "auto"])
+@pytest.mark.parametrize(("method", "force_N"), [("table", 901.0), ("auto", 902.0)])
 def test_reached_error_asked_first_is_that_of_the_table(
-    machine: ttc.Machine, monkeypatch: pytest.MonkeyPatch, method: str
+    monkeypatch: pytest.MonkeyPatch, method: str, force_N: float
 ) -> None:
-    """Ask before any loop is compiled, when blocks would be evaluated by the closed forms."""
+    """Ask before any loop of this machine is compiled, when blocks would be evaluated by the closed forms."""
     monkeypatch.undo()  # with the usual thresholds
-    monkeypatch.setattr(loop, "_MET", Counter())
+    machine = ttc.machines.tufting(backing_force_N=force_N)
     twin = ttc.compile(machine, [TORQUE], method, 1e-3)
     reached = twin.reached_error
     theta = np.random.default_rng(12).uniform(0.0, 2.0 * math.pi, 200_000)

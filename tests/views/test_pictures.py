@@ -19,7 +19,7 @@ from tests.views.conftest import Run
 from tests.views.test_live import PATIENCE_S, feed, free_port
 from textile_twin_core.errors import RecordingError, TwinError
 from textile_twin_core.views import LiveView, open_viewer, palette, screenshot, screenshots, write_comparison_recording
-from textile_twin_core.views.viewer import _ask_repeatedly
+from textile_twin_core.views.viewer import ask_repeatedly
 
 Pixels = npt.NDArray[np.int64]
 
@@ -120,12 +120,12 @@ def test_a_viewer_whose_transport_fails_for_a_moment_is_asked_again() -> None:
     port = free_port()
     server = "import socket, sys, time; time.sleep(1.5); socket.create_server(('127.0.0.1', int(sys.argv[1]))).accept()"
     with subprocess.Popen([sys.executable, "-c", server, str(port)]) as process:
-        _ask_repeatedly(
+        ask_repeatedly(
             process, "answer", PATIENCE_S, lambda: socket.create_connection(("127.0.0.1", port), 1.0).close()
         )
         assert process.wait() == 0
         with pytest.raises(TwinError, match="the viewer ended with code 0"):
-            _ask_repeatedly(process, "answer", PATIENCE_S, lambda: socket.create_connection(("127.0.0.1", port), 1.0))
+            ask_repeatedly(process, "answer", PATIENCE_S, lambda: socket.create_connection(("127.0.0.1", port), 1.0))
 
 
 def test_a_viewer_that_is_ended_or_too_slow_is_reported_in_our_words() -> None:
@@ -136,14 +136,14 @@ def test_a_viewer_that_is_ended_or_too_slow_is_reported_in_our_words() -> None:
 
     with subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"]) as process:
         with pytest.raises(TwinError) as slow:
-            _ask_repeatedly(process, "show it at 3 s", 0.3, fail)
+            ask_repeatedly(process, "show it at 3 s", 0.3, fail)
         assert str(slow.value) == (
             "the viewer did not show it at 3 s in 0.3 s: try again when the computer has less to do"
         )
         process.terminate()
         process.wait()
         with pytest.raises(TwinError) as ended:
-            _ask_repeatedly(process, "show it at 3 s", 30.0, fail)
+            ask_repeatedly(process, "show it at 3 s", 30.0, fail)
     assert str(ended.value) == "the viewer was ended by signal 15 (Terminated); draw it again"
 
 

@@ -44,7 +44,7 @@ def impact_table(rounds: int = 5, progress: Callable[[int, int], object] = lambd
         found[method, setting] = work()
 
     candidates = [
-        Candidate(setting, method, partial(keep, method, setting, work), samples=1) for method, setting, work in _ways()
+        Candidate(setting, method, partial(keep, method, setting, work), samples=1) for method, setting, work in ways()
     ]
     done = 0
 
@@ -63,7 +63,8 @@ def _row(key: tuple[str, str], found: Times, candidate: Candidate) -> ImpactRow:
     return ImpactRow(*key, error, statistics.median(times), times)
 
 
-def _ways() -> list[tuple[str, str, Callable[[], Times]]]:
+def ways() -> list[tuple[str, str, Callable[[], Times]]]:
+    """Return method, setting and run of each way to the event times."""
     machine = needle_transfer()
     stroke = TransferEquations(machine)
     found: list[tuple[str, str, Callable[[], Times]]] = [

@@ -20,9 +20,9 @@ from textile_twin_core.expression.interpret import interpret
 from textile_twin_core.expression.scalar import statements
 from textile_twin_core.expression.traversal import topological_order
 
-_LONG: Final = 1024
+LONG: Final = 1024
 """Smallest block [samples] that counts towards compilation; the blocks of a live machine are shorter."""
-_WORTH: Final = 65_536
+WORTH: Final = 65_536
 """Samples in long blocks from which compilation pays; compiled code is cached for other processes."""
 _NODES: Final = 500
 """Graph size [nodes] above which the required number of samples grows in proportion."""
@@ -62,9 +62,9 @@ class Loop:
         if not all(a.flags.c_contiguous and a.dtype == np.float64 for a in outputs):
             raise ValueError("outputs of a loop must be contiguous arrays of float64")
         n = inputs[0].shape[0]
-        if n >= _LONG:
+        if n >= LONG:
             _MET[self._code] += n
-        if cores == 1 or n < _LONG * cores or not self.is_compiled:
+        if cores == 1 or n < LONG * cores or not self.is_compiled:
             self._fill(inputs, outputs)
             return
         parts = [([a[p] for a in inputs], [a[p] for a in outputs]) for p in _slices(n, -(-n // cores))]
@@ -89,7 +89,7 @@ class Loop:
 
     @cached_property
     def _worth(self) -> float:
-        return _WORTH * max(1.0, len(topological_order(self._outputs)) / _NODES)
+        return WORTH * max(1.0, len(topological_order(self._outputs)) / _NODES)
 
     def single(self) -> Any:
         """Compiled function of one sample of floats: a tuple of the outputs and the number of angles out of range."""

@@ -50,10 +50,11 @@ def message_schema(msgtype: str) -> MessageSchema:
     store = get_typestore(getattr(Stores, sourced, Stores.ROS2_JAZZY))
     if msgtype in store.types:
         return MessageSchema(store.generate_msgdef(msgtype, ros_version=2)[0], store.hash_rihs01(msgtype))
-    return _installed_schema(msgtype)
+    return installed_schema(msgtype)
 
 
-def _installed_schema(msgtype: str) -> MessageSchema:
+def installed_schema(msgtype: str) -> MessageSchema:
+    """Return the definition of a message type from the ROS packages beside this Python."""
     file = _installed_file(msgtype, "msg")
     hashes = json.loads(_installed_file(msgtype, "json").read_text(encoding="utf-8"))["type_hashes"]
     type_hash = next(entry["hash_string"] for entry in hashes if entry["type_name"] == msgtype)

@@ -117,7 +117,7 @@ def _end(viewer: subprocess.Popen[bytes]) -> None:
             viewer.wait(timeout=5.0)
 
 
-def _ask_repeatedly(viewer: subprocess.Popen[bytes], what: str, seconds: float, ask: Callable[[], _T]) -> _T:
+def ask_repeatedly(viewer: subprocess.Popen[bytes], what: str, seconds: float, ask: Callable[[], _T]) -> _T:
     """Return the viewer's answer; repeat the request while its transport fails, as on a busy machine.
 
     Raises:
@@ -143,10 +143,10 @@ def _ended(code: int) -> str:
 
 
 def _load(viewer: subprocess.Popen[bytes], client: ViewerClient, address: str) -> None:
-    _ask_repeatedly(viewer, "open it", _LOAD_S, lambda: client.open(address))
+    ask_repeatedly(viewer, "open it", _LOAD_S, lambda: client.open(address))
     end = time.monotonic() + _LOAD_S
     while True:
-        state = _ask_repeatedly(viewer, "load it", _LOAD_S, client.get_state)
+        state = ask_repeatedly(viewer, "load it", _LOAD_S, client.get_state)
         if state.active_recording is not None and not state.loading:
             return
         if time.monotonic() > end:
@@ -158,7 +158,7 @@ def _picture(viewer: subprocess.Popen[bytes], client: ViewerClient, time_s: floa
     if time_s is not None:
         # The viewer refuses this until data have arrived.
         what = f"show it at {time_s:g} s"
-        _ask_repeatedly(viewer, what, _LOAD_S, lambda: client.set_time("time", duration=time_s, play_state="paused"))
+        ask_repeatedly(viewer, what, _LOAD_S, lambda: client.set_time("time", duration=time_s, play_state="paused"))
     time.sleep(1.0)
     # The first pictures show empty plots: wait until three in a row are the same.
     last: list[bytes] = []
@@ -166,7 +166,7 @@ def _picture(viewer: subprocess.Popen[bytes], client: ViewerClient, time_s: floa
     while len(last) < 3 or len(set(last)) > 1:
         if time.monotonic() > end:
             raise TwinError(f"the viewer did not draw it in {_PICTURE_S:g} s: {_BUSY}")
-        last = [*last, _ask_repeatedly(viewer, "draw it", _PICTURE_S, client.take_screenshot)][-3:]
+        last = [*last, ask_repeatedly(viewer, "draw it", _PICTURE_S, client.take_screenshot)][-3:]
         time.sleep(0.3)
     return last[-1]
 
@@ -179,7 +179,7 @@ def _connect(viewer: subprocess.Popen[bytes], port: int) -> ViewerClient:
         client.get_state()
         return client
 
-    return _ask_repeatedly(viewer, "answer", _START_S, connected)
+    return ask_repeatedly(viewer, "answer", _START_S, connected)
 
 
 def _free_port() -> int:

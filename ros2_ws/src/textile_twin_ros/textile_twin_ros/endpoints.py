@@ -30,7 +30,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from textile_twin_core.errors import SceneError
 from textile_twin_core.recordings import OfferedQos
 
-_STARTED = time.monotonic()
+STARTED = time.monotonic()
 _DISCOVERY_S = 5.0
 """How long after its start a node may not know yet who is there."""
 _NAMED = 3
@@ -118,7 +118,7 @@ def describe_publishers(node: Node, topic: str, msgtype: str) -> str:
     elsewhere.sort(key=lambda name: (name.rpartition("/")[2] != ending, name))  # perhaps another namespace is meant
     more = f" and {len(elsewhere) - _NAMED} more" if len(elsewhere) > _NAMED else ""
     seen = f"; {msgtype} is published on {', '.join(elsewhere[:_NAMED])}{more}" if elsewhere else ""
-    nobody = "nobody publishes there" if time.monotonic() - _STARTED > _DISCOVERY_S else "no publisher found there yet"
+    nobody = "nobody publishes there" if time.monotonic() - STARTED > _DISCOVERY_S else "no publisher found there yet"
     return f"{nobody}{seen}"
 
 

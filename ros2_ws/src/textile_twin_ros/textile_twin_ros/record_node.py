@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 _LOOK_S = 0.1
 _HOUSEKEEPING_S = 0.25
 _RETENTION_S = 1.0
-_LONGEST_DRAIN_S = 2.0
+LONGEST_DRAIN_S = 2.0
 """Who ends a node by a signal kills it some seconds later."""
 _LEAST_STANDSTILL_S = 1.0
 """Every process waits for less now and then, however short its queues are."""
@@ -145,11 +145,11 @@ class RecordNode(Node):
         Raises:
             RecordingError: the disk takes no more, or the file has gone.
         """
-        until = time.monotonic() + _LONGEST_DRAIN_S
+        until = time.monotonic() + LONGEST_DRAIN_S
         for topic, raw in self._inlets.waiting():
             if time.monotonic() > until:
                 self.get_logger().warning(
-                    f"more messages wait than {_LONGEST_DRAIN_S:g} s are enough for: those left are not recorded"
+                    f"more messages wait than {LONGEST_DRAIN_S:g} s are enough for: those left are not recorded"
                 )
                 return
             try:
