@@ -18,6 +18,7 @@ from textile_twin_core.machine import ContactMachine
 from textile_twin_core.machine.contact_motion import ContactMotion
 
 fmpy = pytest.importorskip("fmpy")
+from fmpy.fmi1 import FMICallException  # noqa: E402
 from fmpy.validation import validate_fmu  # noqa: E402
 
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
@@ -104,6 +105,14 @@ def test_a_picker_with_slack_pads_and_a_wrapped_angle(tmp_path: Path) -> None:
     true = motion.step(time, theta, *shaft[1:])
     assert {"touch", "slack", "leave", "impact"} <= {event.kind for event in motion.take_events()}
     assert max(worst(simulated(path, step, *shaft), true).values()) < 1e-9
+
+
+def test_a_body_beyond_its_stop_ends_the_step_with_an_error(tmp_path: Path) -> None:
+    path = tmp_path / "needle.fmu"
+    write_fmu(path, ttc.machines.needle_transfer())
+    standing = np.zeros(3)
+    with pytest.raises(FMICallException, match="fmi2DoStep"):
+        simulated(path, 1e-3, standing, standing, standing, parameters={"start_m.element_2": 0.08})
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
