@@ -100,7 +100,7 @@ def write_fmu(
                 " them and a shaft under a torque; export it with --input angle"
             )
         code, parameters = contact_code(machine, names, about)
-        runtime, count = ("polynomials.c", "impacts.c", "contact.c"), 0
+        runtime, count = ("polynomials.c", "impacts.c", "contact_motion.c", "contact.c"), 0
         variables = contact_variables(names, parameters, fmi)
     else:
         assert isinstance(machine, Machine)

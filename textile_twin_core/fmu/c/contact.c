@@ -1,319 +1,75 @@
-/* A contact machine over a communication step: power series of the motion from event to event.
+/* A contact machine over a communication step, from event to event.
 
-   The motion between events is a power series, whose coefficients follow from each other through the balance of forces
-   (Jorba, A., Zou, M. (2005). A software package for the numerical integration of ODEs by means of high-order Taylor
-   methods. Experimental Mathematics 14, 99-117). Events are downward crossings of polynomials: gaps, forces of closed
-   stops, compressions and forces of pads.
+   Events are downward crossings of polynomials: gaps, forces of closed stops, compressions and forces of pads.
    SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 #include <string.h>
 #include "textile_twin.h"
 
-#define TURN 6.283185307179586
-#define TURN_TAIL 2.4492935982947064e-16 /* 2 pi less TURN */
+#define TURN_TAIL 2.4492935982947064e-16 /* 2 pi less TT_TURN */
 #define SAME_ANGLE 1e-13  /* angle [rad] that moves the driven element by less than rounding does */
-#define ORDER 26
-#define TERMS (ORDER + 1)
-#define TOLERANCE 1e-15   /* truncated part of a series, over the distance moved at the largest speed so far */
 #define MOST_EVENTS 100000L
-#define EPSILON 2.220446049250313e-16
-#define E TT_ELEMENTS
-#define DRIVEN TT_BODIES
-#define STOPS TT_SIZE(TT_STOPS)
-#define PADS TT_SIZE(TT_PADS)
-
-typedef struct { /* in powers of u, the share of h */
-    double x[E][TERMS], pad[PADS][TERMS], stop[STOPS][TERMS], h;
-} motion;
 
 enum { CLOSES, RELEASES, TURNS_OFF, TURNS_PUSHING, TURNS_SLACK };
 
-/* The driven element. */
-
-/* Positions over h seconds from a time: section(angle), with the angle a polynomial in time. */
-static void drive_series(const tt_drive *d, double time, double h, int order, double *x) {
-    const double *law = tt_law[d->section], *wave = tt_wave[d->section];
-    double angle[6], factor = 1.0;
-    int n = 6, known = 1, k, j;
-    memcpy(angle, d->theta, sizeof angle);
-    tt_move(angle, 6, time);
-    angle[0] -= d->base;
-    for (k = 0; k < 6; ++k) {
-        angle[k] *= factor;
-        factor *= h;
-    }
-    while (n > 1 && angle[n - 1] == 0.0) --n;
-    memset(x, 0, (order + 1) * sizeof *x);
-    x[0] = law[TT_LAW_POWERS - 1];
-    for (k = TT_LAW_POWERS - 2; k >= 0; --k) { /* Horner's rule on series */
-        int longer = known + n - 1 <= order ? known + n - 1 : order + 1, i;
-        for (i = longer - 1; i >= 0; --i) {
-            double sum = 0.0;
-            for (j = 0; j < n && j <= i; ++j)
-                if (i - j < known) sum += angle[j] * x[i - j];
-            x[i] = sum;
-        }
-        known = longer;
-        x[0] += law[k];
-    }
-    if (wave[0] != 0.0) {
-        double sine[TERMS], cosine[TERMS];
-        sine[0] = sin(wave[1] * angle[0] + wave[2]);
-        cosine[0] = cos(wave[1] * angle[0] + wave[2]);
-        for (k = 0; k < order; ++k) {
-            double s = 0.0, c = 0.0;
-            for (j = 1; j < n && j <= k + 1; ++j) {
-                double slope = wave[1] * j * angle[j];
-                s += slope * cosine[k + 1 - j];
-                c -= slope * sine[k + 1 - j];
-            }
-            sine[k + 1] = s / (k + 1);
-            cosine[k + 1] = c / (k + 1);
-        }
-        for (k = 0; k <= order; ++k) x[k] += wave[0] * sine[k];
-    }
-}
-
-/* Slope of the law of motion [m/rad] at the shaft angle of a time. */
-static double law_slope(const tt_drive *d, double time) {
-    const double *law = tt_law[d->section], *wave = tt_wave[d->section];
-    double past = tt_value(d->theta, 6, time) - d->base, slope = 0.0;
-    int k;
-    for (k = TT_LAW_POWERS - 1; k > 0; --k) slope = slope * past + k * law[k];
-    return slope + wave[0] * wave[1] * cos(wave[1] * past + wave[2]);
-}
-
-/* Time at which the shaft leaves its section of the law, and into the next (1) or the last one (-1); 0: it stays. */
-static double leaves(const tt_drive *d, double time, double span, int *to) {
-    double below[6], above[6], factor = 1.0, left = span - time, noise, first, second;
-    double width = tt_law_start[d->section + 1] - tt_law_start[d->section];
-    int k;
-    memcpy(below, d->theta, sizeof below);
-    tt_move(below, 6, time);
-    below[0] -= d->base;
-    noise = 1e-14 + 2.0 * EPSILON * (fabs(d->base) + time * fabs(below[1]));
-    for (k = 0; k < 6; ++k) {
-        below[k] *= factor;
-        above[k] = -below[k];
-        factor *= left;
-    }
-    above[0] += width;
-    first = tt_first_crossing(below, 6, noise);
-    second = tt_first_crossing(above, 6, noise);
-    *to = first <= 1.0 && first <= second ? -1 : second <= 1.0 ? 1 : 0;
-    return *to ? fmin(time + fmin(first, second) * left, span) : span;
-}
-
-static void enter_section(tt_drive *d, double angle) {
-    d->base = TURN * floor(angle / TURN);
-    for (d->section = TT_SECTIONS - 1; d->section > 0 && tt_law_start[d->section] > angle - d->base; --d->section) {}
-    d->base += tt_law_start[d->section];
-}
-
-/* Motion between events. */
-
-/* Set the closed stops on their gaps, the bodies giving way by their masses. */
-static void correct(const tt_state *s, double inverse[STOPS][STOPS], double driven, double driven_speed, double *x,
-                    double *v) {
-    double gap[STOPS], speed[STOPS];
-    int stops[STOPS], n = 0, i, j, e;
-    memcpy(x, s->x, sizeof s->x);
-    memcpy(v, s->v, sizeof s->v);
-    x[DRIVEN] = driven;
-    v[DRIVEN] = driven_speed;
-    for (i = 0; i < TT_STOPS; ++i) {
-        if (!s->closed[i]) continue;
-        gap[n] = s->stop[i].limit;
-        speed[n] = 0.0;
-        for (e = 0; e < E; ++e) {
-            gap[n] += tt_stop_ends[i][e] * x[e];
-            speed[n] += tt_stop_ends[i][e] * v[e];
-        }
-        stops[n++] = i;
-    }
-    for (i = 0; i < n; ++i)
-        for (j = 0; j < n; ++j)
-            for (e = 0; e < TT_BODIES; ++e) {
-                double share = tt_stop_ends[stops[i]][e] / s->mass[e] * inverse[i][j];
-                x[e] -= share * gap[j];
-                v[e] -= share * speed[j];
-            }
-}
-
-/* Power series of the motion over h seconds from here, up to an order. */
-static void expand(const tt_state *s, double h, int order, motion *m) {
-    double inverse[STOPS][STOPS], powers[PADS][TT_PAD_POWERS][TERMS], x[E], v[E];
-    int stops[STOPS], n = 0, k, e, i, j;
-    for (i = 0; i < TT_STOPS; ++i)
-        if (s->closed[i]) stops[n++] = i;
-    m->h = h;
-    memset(m->pad, 0, sizeof m->pad);
-    memset(m->stop, 0, sizeof m->stop);
-    drive_series(&s->drive, s->clock, h, order, m->x[DRIVEN]);
-    tt_constrain(s, inverse);
-    correct(s, inverse, m->x[DRIVEN][0], m->x[DRIVEN][1] / h, x, v);
-    for (e = 0; e < TT_BODIES; ++e) {
-        m->x[e][0] = x[e];
-        m->x[e][1] = v[e] * h;
-    }
-    for (k = 0; k < order; ++k) {
-        double f[E], unit = (k + 1) * (k + 2) / (h * h), opening[STOPS];
-        for (e = 0; e < E; ++e) f[e] = k || e == DRIVEN ? 0.0 : s->weight[e];
-        for (i = 0; i < TT_SPRINGS; ++i) {
-            const tt_spring *spring = &s->spring[i];
-            double length = k ? 0.0 : -spring->free_length, rate = 0.0, pull;
-            for (e = 0; e < E; ++e) {
-                length += tt_spring_ends[i][e] * m->x[e][k];
-                rate += tt_spring_ends[i][e] * m->x[e][k + 1];
-            }
-            pull = spring->stiffness * length + spring->damping * (k + 1) / h * rate;
-            for (e = 0; e < E; ++e) f[e] -= tt_spring_ends[i][e] * pull;
-        }
-        for (i = 0; i < TT_PADS; ++i) {
-            const tt_pad *pad = &s->pad[i];
-            double depth = k ? 0.0 : -pad->position, rate = 0.0;
-            if (s->pressed[i] != TT_PUSHING) continue;
-            for (e = 0; e < E; ++e) {
-                depth += tt_pad_ends[i][e] * m->x[e][k];
-                rate += tt_pad_ends[i][e] * m->x[e][k + 1];
-            }
-            powers[i][0][k] = depth;
-            m->pad[i][k] = pad->stiffness[0] * depth + pad->damping * (k + 1) / h * rate;
-            for (j = 1; j < TT_PAD_POWERS; ++j) {
-                double term = 0.0;
-                for (e = 0; e <= k; ++e) term += powers[i][j - 1][e] * powers[i][0][k - e];
-                powers[i][j][k] = term;
-                m->pad[i][k] += pad->stiffness[j] * term;
-            }
-            for (e = 0; e < E; ++e) f[e] -= tt_pad_ends[i][e] * m->pad[i][k];
-        }
-        if (k == order - 1) break;
-        for (i = 0; i < n; ++i) { /* without forces in the closed stops, which then keep their gaps */
-            opening[i] = tt_stop_ends[stops[i]][DRIVEN] * unit * m->x[DRIVEN][k + 2];
-            for (e = 0; e < TT_BODIES; ++e) opening[i] += tt_stop_ends[stops[i]][e] * f[e] / s->mass[e];
-        }
-        for (i = 0; i < n; ++i) {
-            double *force = &m->stop[stops[i]][k];
-            for (j = 0; j < n; ++j) *force -= inverse[i][j] * opening[j];
-            for (e = 0; e < E; ++e) f[e] += tt_stop_ends[stops[i]][e] * *force;
-        }
-        for (e = 0; e < TT_BODIES; ++e) m->x[e][k + 2] = f[e] / s->mass[e] / unit;
-    }
-}
-
-/* Factor on the step at which the truncated terms reach the tolerance, over a scale. The radius of convergence comes
-   from the last six coefficients, since some may vanish by symmetry. */
-static double holds(const double *c, int n, double scale) {
-    double radius = HUGE_VAL;
-    int k;
-    for (k = n - 6; k < n; ++k)
-        if (c[k] != 0.0) radius = fmin(radius, pow(scale / fabs(c[k]), 1.0 / k));
-    return 0.9 * radius * pow(TOLERANCE, 1.0 / (ORDER - 2));
-}
-
-static void stretch(double *c, int n, double factor) {
-    double power = 1.0;
-    int k;
-    for (k = 0; k < n; ++k) {
-        c[k] *= power;
-        power *= factor;
-    }
-}
-
-static void shorten(motion *m, double factor) {
-    int i;
-    m->h *= factor;
-    for (i = 0; i < E; ++i) stretch(m->x[i], TERMS, factor);
-    for (i = 0; i < TT_PADS; ++i) stretch(m->pad[i], ORDER, factor);
-    for (i = 0; i < TT_STOPS; ++i) stretch(m->stop[i], ORDER - 1, factor);
-}
-
-/* The longest step, up to `longest`, over which the series is exact to rounding. */
-static void step(const tt_state *s, double longest, motion *m) {
-    double h = fmin(1.0 / s->rate, longest), factor = longest / h, force = 1e-300;
-    int i;
-    expand(s, h, ORDER, m);
-    for (i = 0; i < E; ++i) factor = fmin(factor, holds(m->x[i], TERMS, fmax(s->fastest * h, 1e-300)));
-    for (i = 0; i < TT_PADS; ++i) force = fmax(force, tt_largest(m->pad[i], ORDER));
-    for (i = 0; i < TT_PADS; ++i) factor = fmin(factor, holds(m->pad[i], ORDER, force));
-    shorten(m, factor);
-    if (factor * h >= longest) m->h = longest;
-}
-
-static void arrive(tt_state *s, const motion *m) {
+static void distance(const double *ends, double sign, double shift, const tt_motion *m, double *c) {
     int e, k;
-    for (e = 0; e < E; ++e) {
-        double x = 0.0, v = 0.0;
-        for (k = ORDER; k >= 0; --k) {
-            x += m->x[e][k];
-            v += k * m->x[e][k];
-        }
-        s->x[e] = x;
-        s->v[e] = v / m->h;
-        s->fastest = fmax(s->fastest, fabs(s->v[e]));
-    }
-}
-
-/* Events. */
-
-static void distance(const double *ends, double sign, double shift, const motion *m, double *c) {
-    int e, k;
-    for (k = 0; k < TERMS; ++k) c[k] = 0.0;
-    for (e = 0; e < E; ++e)
-        for (k = 0; ends[e] != 0.0 && k < TERMS; ++k) c[k] += sign * ends[e] * m->x[e][k];
+    for (k = 0; k < TT_TERMS; ++k) c[k] = 0.0;
+    for (e = 0; e < TT_ELEMENTS; ++e)
+        for (k = 0; ends[e] != 0.0 && k < TT_TERMS; ++k) c[k] += sign * ends[e] * m->x[e][k];
     c[0] += shift;
 }
 
 /* The pull that a slack pad would exert, positive while it stays slack. */
 static void withheld(const tt_pad *pad, const double *depth, double h, double *c) {
     int power, k, j;
-    for (k = 0; k < ORDER; ++k) c[k] = 0.0;
+    for (k = 0; k < TT_ORDER; ++k) c[k] = 0.0;
     for (power = TT_PAD_POWERS - 1; power >= 0; --power) {
         c[0] += pad->stiffness[power];
-        for (k = ORDER - 1; k >= 0; --k) {
+        for (k = TT_ORDER - 1; k >= 0; --k) {
             double sum = 0.0;
             for (j = 0; j <= k; ++j) sum += depth[j] * c[k - j];
             c[k] = sum;
         }
     }
-    for (k = 0; k < ORDER; ++k) c[k] = -c[k] - pad->damping * (k + 1) * depth[k + 1] / h;
+    for (k = 0; k < TT_ORDER; ++k) c[k] = -c[k] - pad->damping * (k + 1) * depth[k + 1] / h;
 }
 
 /* Place u of the first event within a step; infinite without one. */
-static double first_event(const tt_state *s, const motion *m, int *kind, int *which) {
-    double length = tt_noise(s) + 4.0 * EPSILON * s->clock * s->fastest;
+static double first_event(const tt_state *s, const tt_motion *m, int *kind, int *which) {
+    double length = tt_noise(s) + 4.0 * TT_EPSILON * s->clock * s->fastest;
     double force = 1e-13 * (s->force + s->resistance * s->fastest), slack = force;
-    double best = HUGE_VAL, found, c[TERMS], pressure[TERMS];
+    double best = HUGE_VAL, found, c[TT_TERMS], pressure[TT_TERMS];
     int i, k;
 #define AT(place, event)                                                                                               \
     if ((found = (place)) < best) best = found, *kind = (event), *which = i
     for (i = 0; i < TT_STOPS; ++i)
         if (!s->closed[i]) {
             distance(tt_stop_ends[i], 1.0, s->stop[i].limit, m, c);
-            AT(tt_first_crossing(c, TERMS, length), CLOSES);
+            AT(tt_first_crossing(c, TT_TERMS, length), CLOSES);
         }
     for (i = 0; i < TT_PADS; ++i) {
         double tangent = 0.0, own;
         if (s->pressed[i] == TT_OFF) {
             distance(tt_pad_ends[i], -1.0, s->pad[i].position, m, c);
-            AT(tt_first_crossing(c, TERMS, length), TURNS_PUSHING);
+            AT(tt_first_crossing(c, TT_TERMS, length), TURNS_PUSHING);
             continue;
         }
         distance(tt_pad_ends[i], 1.0, -s->pad[i].position, m, c);
-        AT(tt_first_crossing(c, TERMS, length), TURNS_OFF);
+        AT(tt_first_crossing(c, TT_TERMS, length), TURNS_OFF);
         if (s->pressed[i] == TT_PUSHING) memcpy(pressure, m->pad[i], sizeof pressure);
         else withheld(&s->pad[i], c, m->h, pressure);
         for (k = TT_PAD_POWERS - 1; k >= 0; --k) tangent = tangent * fmax(c[0], 0.0) + (k + 1) * s->pad[i].stiffness[k];
-        own = tangent * length + 1e-14 * tt_largest(pressure, ORDER);
+        own = tangent * length + 1e-14 * tt_largest(pressure, TT_ORDER);
         slack += own;
         if (!tt_pad_pulls[i])
-            AT(tt_first_crossing(pressure, ORDER, force + own),
+            AT(tt_first_crossing(pressure, TT_ORDER, force + own),
                s->pressed[i] == TT_PUSHING ? TURNS_SLACK : TURNS_PUSHING);
     }
     for (i = 0; i < TT_STOPS; ++i)
         if (s->closed[i]) {
             const double *push = m->stop[i];
-            AT(tt_first_crossing(push, ORDER - 1, slack + 1e-12 * tt_largest(push, ORDER - 1)), RELEASES);
+            AT(tt_first_crossing(push, TT_ORDER - 1, slack + 1e-12 * tt_largest(push, TT_ORDER - 1)), RELEASES);
         }
     return best;
 }
@@ -336,7 +92,7 @@ static int happen(tt_state *s, int kind, int which) {
 
 static double driven_acceleration(const tt_state *s) {
     double x[3];
-    drive_series(&s->drive, s->clock, 1.0, 2, x);
+    tt_drive_series(&s->drive, s->clock, 1.0, 2, x);
     return 2.0 * x[2];
 }
 
@@ -345,11 +101,11 @@ static int advance(tt_state *s) {
     double x[2], longest;
     int hit = TT_NONE, kind = CLOSES, which = TT_NONE, stalled = 0, unsettled = s->unsettled, i;
     long events = 0;
-    motion m;
-    drive_series(&s->drive, s->clock, 1.0, 1, x);
-    unsettled |= fabs(x[1] - s->v[DRIVEN]) > 1e-12 * fmax(s->fastest, fabs(x[1]));
-    s->x[DRIVEN] = x[0];
-    s->v[DRIVEN] = x[1];
+    tt_motion m;
+    tt_drive_series(&s->drive, s->clock, 1.0, 1, x);
+    unsettled |= fabs(x[1] - s->v[TT_DRIVEN]) > 1e-12 * fmax(s->fastest, fabs(x[1]));
+    s->x[TT_DRIVEN] = x[0];
+    s->v[TT_DRIVEN] = x[1];
     s->fastest = fmax(s->fastest, fabs(x[1]));
     s->unsettled = 0;
     for (;;) {
@@ -358,18 +114,18 @@ static int advance(tt_state *s) {
         if (unsettled && (stalled > 20 + 10 * TT_STOPS || events > MOST_EVENTS)) return 0;
         longest = s->drive.end - s->clock;
         if (longest <= 0.0) return 1;
-        step(s, longest, &m);
+        tt_step(s, longest, &m);
         place = first_event(s, &m, &kind, &which);
         unsettled = place < HUGE_VAL;
-        if (unsettled && place > 0.0) shorten(&m, place);
+        if (unsettled && place > 0.0) tt_shorten(&m, place);
         if (place > 0.0) {
             double end = fmin(s->clock + m.h, s->drive.end);
             int still = end <= s->clock && !unsettled;
-            arrive(s, &m);
+            tt_arrive(s, &m);
             s->clock = m.h >= longest ? s->drive.end : end;
             memset(s->released, 0, sizeof s->released);
             stalled = 0;
-            if (still || !isfinite(tt_largest(s->v, E))) return 0;
+            if (still || !isfinite(tt_largest(s->v, TT_ELEMENTS))) return 0;
             for (i = 0; i < TT_STOPS; ++i) /* closed stops tie the driven element to the frame */
                 if (s->closed[i] && fabs(tt_gap(s, i)) > 1e-6 * s->length) return 0;
         }
@@ -386,10 +142,10 @@ static int follow(tt_state *s, const double *theta, double span) {
     int stalled = 0, to;
     double time = 0.0;
     memcpy(s->drive.theta, theta, sizeof s->drive.theta);
-    enter_section(&s->drive, theta[0]);
+    tt_enter_section(&s->drive, theta[0]);
     s->clock = 0.0;
     while (time < span) {
-        double end = leaves(&s->drive, time, span, &to);
+        double end = tt_leaves(&s->drive, time, span, &to);
         if (stalled >= 3) end = span, to = 0;
         if (end > time) {
             s->drive.end = end;
@@ -421,30 +177,31 @@ static void quintic(double h, const double *start, const double *end, double *c)
 
 /* Angle within a turn, exact to the angle's own rounding. */
 static double phase(double angle) {
-    double wrapped = fmod(angle, TURN), turns = rint((angle - wrapped) / TURN);
-    return (wrapped < 0.0 ? wrapped + TURN : wrapped) - turns * TURN_TAIL;
+    double wrapped = fmod(angle, TT_TURN), turns = rint((angle - wrapped) / TT_TURN);
+    return (wrapped < 0.0 ? wrapped + TT_TURN : wrapped) - turns * TURN_TAIL;
 }
 
 /* Start. */
 
 static void set_plant(tt_state *s) {
-    double stiffness = 0.0, damping = 0.0, constant[E], largest = 0.0;
+    double stiffness = 0.0, damping = 0.0, constant[TT_ELEMENTS], largest = 0.0;
     int e, k, of;
     tt_plant(s->parameter, s);
     s->length = s->rate = 0.0;
     for (k = 0; k < TT_STOPS; ++k) s->length = fmax(s->length, fabs(s->stop[k].limit));
     for (k = 0; k < TT_PADS; ++k) s->length = fmax(s->length, fabs(s->pad[k].position));
-    for (e = 0; e < E; ++e) constant[e] = e < TT_BODIES ? s->weight[e] : 0.0;
+    for (e = 0; e < TT_ELEMENTS; ++e) constant[e] = e < TT_BODIES ? s->weight[e] : 0.0;
     for (k = 0; k < TT_SPRINGS; ++k) {
         s->length = fmax(s->length, fabs(s->spring[k].free_length));
-        for (e = 0; e < E; ++e) constant[e] += tt_spring_ends[k][e] * s->spring[k].stiffness * s->spring[k].free_length;
+        for (e = 0; e < TT_ELEMENTS; ++e)
+            constant[e] += tt_spring_ends[k][e] * s->spring[k].stiffness * s->spring[k].free_length;
     }
     if (s->length == 0.0) s->length = 1.0;
-    for (e = 0; e < E; ++e) {
+    for (e = 0; e < TT_ELEMENTS; ++e) {
         double hardest = 0.0, slowest = 0.0;
         for (k = 0; k < TT_SPRINGS; ++k) {
             double ends = 0.0;
-            for (of = 0; of < E; ++of) ends += fabs(tt_spring_ends[k][of]);
+            for (of = 0; of < TT_ELEMENTS; ++of) ends += fabs(tt_spring_ends[k][of]);
             if (tt_spring_ends[k][e] == 0.0) continue;
             hardest += ends * s->spring[k].stiffness;
             slowest += ends * s->spring[k].damping;
@@ -464,7 +221,7 @@ static int begin(tt_state *s) {
     static const double rest[3] = {0.0, 0.0, 0.0};
     double theta[6] = {0.0}, to[3], angle = phase(s->theta), span;
     int e, k;
-    if (s->omega < 0.0 && angle > 0.0) angle -= TURN;
+    if (s->omega < 0.0 && angle > 0.0) angle -= TT_TURN;
     span = 1.5 * fabs(angle) / fmax(fabs(s->omega), TT_NOMINAL_SPEED);
     memcpy(s->x, s->start, TT_BODIES * sizeof(double));
     memset(s->v, 0, sizeof s->v);
@@ -473,13 +230,13 @@ static int begin(tt_state *s) {
     s->fastest = 1e-6 * s->length * s->rate;
     s->clock = s->drive.end = 0.0;
     memcpy(s->drive.theta, theta, sizeof theta);
-    enter_section(&s->drive, 0.0);
-    s->x[DRIVEN] = tt_law[0][0] + tt_wave[0][0] * sin(tt_wave[0][2]);
+    tt_enter_section(&s->drive, 0.0);
+    s->x[TT_DRIVEN] = tt_law[0][0] + tt_wave[0][0] * sin(tt_wave[0][2]);
     for (k = 0; k < TT_STOPS; ++k)
         if (tt_gap(s, k) < -1e3 * tt_noise(s)) return 0;
     for (k = 0; k < TT_PADS; ++k) {
         double depth = -s->pad[k].position;
-        for (e = 0; e < E; ++e) depth += tt_pad_ends[k][e] * s->x[e];
+        for (e = 0; e < TT_ELEMENTS; ++e) depth += tt_pad_ends[k][e] * s->x[e];
         s->pressed[k] = depth <= 0.0 ? TT_OFF : TT_PUSHING;
         if (s->pressed[k] && !tt_pad_pulls[k] && tt_value(s->pad[k].stiffness, TT_PAD_POWERS, depth) < 0.0)
             s->pressed[k] = TT_SLACK;
@@ -498,7 +255,7 @@ static int begin(tt_state *s) {
     theta[2] = 0.5 * s->alpha;
     theta[3] = theta[4] = theta[5] = 0.0;
     memcpy(s->drive.theta, theta, sizeof theta);
-    enter_section(&s->drive, angle);
+    tt_enter_section(&s->drive, angle);
     s->clock = s->drive.end = 0.0;
     s->unsettled = 1;
     return advance(s);
@@ -519,49 +276,49 @@ TT_LOCAL void tt_initialize(tt_state *s) { s->initialized = 1; }
 
 /* Positions, velocities and accelerations of the elements, then what the drive must give. */
 TT_LOCAL void tt_bring_up_to_date(tt_state *s) {
-    double all[3 * E + 8], slope, force = 0.0, own, kinetic = 0.0, potential = 0.0;
-    motion m;
+    double all[3 * TT_ELEMENTS + 8], slope, force = 0.0, own, kinetic = 0.0, potential = 0.0;
+    tt_motion m;
     int e, k;
     refresh(s);
     if (!s->outputs_old) return;
-    expand(s, 1.0, 2, &m);
-    for (e = 0; e < E; ++e) {
+    tt_expand(s, 1.0, 2, &m);
+    for (e = 0; e < TT_ELEMENTS; ++e) {
         all[e] = s->x[e];
-        all[E + e] = s->v[e];
-        all[2 * E + e] = 2.0 * m.x[e][2];
+        all[TT_ELEMENTS + e] = s->v[e];
+        all[2 * TT_ELEMENTS + e] = 2.0 * m.x[e][2];
         kinetic += 0.5 * (e < TT_BODIES ? s->mass[e] : s->driven_mass) * s->v[e] * s->v[e];
         if (e < TT_BODIES) potential -= s->weight[e] * s->x[e];
     }
     for (k = 0; k < TT_SPRINGS; ++k) {
         double length = -s->spring[k].free_length, rate = 0.0;
-        for (e = 0; e < E; ++e) {
+        for (e = 0; e < TT_ELEMENTS; ++e) {
             length += tt_spring_ends[k][e] * s->x[e];
             rate += tt_spring_ends[k][e] * s->v[e];
         }
         potential += 0.5 * s->spring[k].stiffness * length * length;
-        force -= tt_spring_ends[k][DRIVEN] * (s->spring[k].stiffness * length + s->spring[k].damping * rate);
+        force -= tt_spring_ends[k][TT_DRIVEN] * (s->spring[k].stiffness * length + s->spring[k].damping * rate);
     }
     for (k = 0; k < TT_PADS; ++k) {
         double depth = -s->pad[k].position, energy = 0.0;
         int power;
-        for (e = 0; e < E; ++e) depth += tt_pad_ends[k][e] * s->x[e];
+        for (e = 0; e < TT_ELEMENTS; ++e) depth += tt_pad_ends[k][e] * s->x[e];
         depth = fmax(depth, 0.0);
         for (power = TT_PAD_POWERS; power > 0; --power)
             energy = (energy + s->pad[k].stiffness[power - 1] / (power + 1)) * depth;
         potential += energy * depth;
-        force -= tt_pad_ends[k][DRIVEN] * m.pad[k][0];
+        force -= tt_pad_ends[k][TT_DRIVEN] * m.pad[k][0];
     }
-    for (k = 0; k < TT_STOPS; ++k) force += tt_stop_ends[k][DRIVEN] * m.stop[k][0];
-    own = s->driven_mass * all[2 * E + DRIVEN];
-    slope = law_slope(&s->drive, s->clock);
-    all[3 * E] = own - force;
-    all[3 * E + 1] = (own - force) * slope;
-    all[3 * E + 2] = own * slope;
-    all[3 * E + 3] = 0.0;
-    all[3 * E + 4] = -force * slope;
-    all[3 * E + 5] = s->driven_mass * slope * slope;
-    all[3 * E + 6] = kinetic;
-    all[3 * E + 7] = potential;
+    for (k = 0; k < TT_STOPS; ++k) force += tt_stop_ends[k][TT_DRIVEN] * m.stop[k][0];
+    own = s->driven_mass * all[2 * TT_ELEMENTS + TT_DRIVEN];
+    slope = tt_law_slope(&s->drive, s->clock);
+    all[3 * TT_ELEMENTS] = own - force;
+    all[3 * TT_ELEMENTS + 1] = (own - force) * slope;
+    all[3 * TT_ELEMENTS + 2] = own * slope;
+    all[3 * TT_ELEMENTS + 3] = 0.0;
+    all[3 * TT_ELEMENTS + 4] = -force * slope;
+    all[3 * TT_ELEMENTS + 5] = s->driven_mass * slope * slope;
+    all[3 * TT_ELEMENTS + 6] = kinetic;
+    all[3 * TT_ELEMENTS + 7] = potential;
     for (k = 0; k < TT_OUTPUTS; ++k) s->output[k] = all[tt_output[k]];
     s->outputs_old = 0;
 }
@@ -576,9 +333,9 @@ TT_LOCAL int tt_advance(tt_state *s, double until) {
     if (span <= 0.0) return 1;
     memcpy(c, s->drive.theta, sizeof c);
     tt_move(c, 6, s->clock);
-    reached[0] = c[0] - TURN * floor(c[0] / TURN);
+    reached[0] = c[0] - TT_TURN * floor(c[0] / TT_TURN);
     reached[1] = c[1];
-    off[0] = remainder(reached[0] - phase(s->theta), TURN);
+    off[0] = remainder(reached[0] - phase(s->theta), TT_TURN);
     off[1] = reached[1] - s->omega;
     if (fabs(off[0]) <= SAME_ANGLE && fabs(off[1]) * span <= SAME_ANGLE) off[0] = off[1] = 0.0;
     else quintic(span, off, end, theta);
@@ -588,7 +345,7 @@ TT_LOCAL int tt_advance(tt_state *s, double until) {
     s->failed = !follow(s, theta, span);
     s->time = until;
     s->outputs_old = 1;
-    for (k = 0; k < E; ++k) s->failed |= !isfinite(s->x[k]);
+    for (k = 0; k < TT_ELEMENTS; ++k) s->failed |= !isfinite(s->x[k]);
     return !s->failed;
 }
 

@@ -107,7 +107,7 @@ TT_LOCAL void tt_constrain(const tt_state *s, double inverse[STOPS][STOPS]) {
     }
 }
 
-/* What is left of a stop's effect on itself after the others gave way as they can, with their relief. */
+/* Residual of a stop's effect on itself after the others gave way as far as they can, with their relief. */
 static double own_part(square g, int n, const int *others, int stop, double *relief) {
     double right[STOPS], own = g[stop][stop];
     int i;

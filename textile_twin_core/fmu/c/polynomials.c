@@ -95,7 +95,7 @@ TT_LOCAL double tt_first_crossing(const double *c, int n, double noise) {
     highs[0] = 1.0;
     bernstein(c, degree, waiting[0]);
     while (count > 0) {
-        double low, high, middle, smallest, *local, *left;
+        double low, high, middle, smallest, *local, *lower;
         int changes = 0;
         --count;
         low = lows[count];
@@ -116,9 +116,9 @@ TT_LOCAL double tt_first_crossing(const double *c, int n, double noise) {
         if (high - low < NARROWEST) return low;
         /* de Casteljau: the right half stays in its row, the left half goes on top and is next */
         middle = 0.5 * (low + high);
-        left = waiting[count + 1];
+        lower = waiting[count + 1];
         for (done = 0; done <= degree; ++done) {
-            left[done] = local[0];
+            lower[done] = local[0];
             for (k = 0; k < degree - done; ++k) local[k] = 0.5 * (local[k] + local[k + 1]);
         }
         lows[count] = middle;

@@ -67,7 +67,10 @@ TT_LOCAL void tt_outputs(const double *theta, const double *omega, const double 
 #elif TT_CONTACT
 
 /* Bodies on a line between springs, one-sided stops and pads. The elements are the bodies, then the driven one. */
-enum { TT_ELEMENTS = TT_BODIES + 1, TT_INDICATORS = 0, TT_STATES = 0 };
+enum { TT_DRIVEN = TT_BODIES, TT_ELEMENTS = TT_BODIES + 1, TT_INDICATORS = 0, TT_STATES = 0 };
+enum { TT_ORDER = 26, TT_TERMS = TT_ORDER + 1 }; /* of power series */
+#define TT_TURN 6.283185307179586
+#define TT_EPSILON 2.220446049250313e-16
 
 typedef struct { double stiffness, damping, free_length; } tt_spring;
 typedef struct { double limit, restitution; } tt_stop;
@@ -102,6 +105,11 @@ typedef struct {
     int failed;
 } tt_state;
 
+/* A stretch of motion: positions of the elements, forces of pads and closed stops, in powers of u, the share of h. */
+typedef struct {
+    double x[TT_ELEMENTS][TT_TERMS], pad[TT_SIZE(TT_PADS)][TT_TERMS], stop[TT_SIZE(TT_STOPS)][TT_TERMS], h;
+} tt_motion;
+
 enum { TT_OFF, TT_PUSHING, TT_SLACK }; /* a slack pad is touched, but its body leaves too fast */
 enum { TT_NONE = -1 };
 
@@ -119,6 +127,16 @@ TT_LOCAL double tt_noise(const tt_state *s);
 TT_LOCAL double tt_gap(const tt_state *s, int stop);
 TT_LOCAL void tt_constrain(const tt_state *s, double inverse[TT_SIZE(TT_STOPS)][TT_SIZE(TT_STOPS)]);
 TT_LOCAL int tt_settle(tt_state *s, double acceleration, int hit);
+
+/* contact_motion.c */
+TT_LOCAL void tt_drive_series(const tt_drive *d, double time, double h, int order, double *x);
+TT_LOCAL double tt_law_slope(const tt_drive *d, double time);
+TT_LOCAL double tt_leaves(const tt_drive *d, double time, double span, int *to);
+TT_LOCAL void tt_enter_section(tt_drive *d, double angle);
+TT_LOCAL void tt_expand(const tt_state *s, double h, int order, tt_motion *m);
+TT_LOCAL void tt_step(const tt_state *s, double longest, tt_motion *m);
+TT_LOCAL void tt_shorten(tt_motion *m, double factor);
+TT_LOCAL void tt_arrive(tt_state *s, const tt_motion *m);
 
 #else
 
