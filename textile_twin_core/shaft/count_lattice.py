@@ -67,7 +67,7 @@ def decimal_unit(angles: FloatArray, turn: float) -> float | None:
 
 
 def count_lattice(angles: FloatArray, turn: float) -> CountLattice | None:
-    """Mixture an encoder's counts behind angles that were rounded to decimals.
+    """Estimate an encoder's counts behind angles that were rounded to decimals.
 
     Args:
         angles: (n,) unwrapped readings [rad], whatever their offset.

@@ -76,7 +76,7 @@ def _is_decimal(step: float) -> bool:
 
 
 def encoder_step(stamps: FloatArray, angles: FloatArray, period_rad: float = TURN) -> float | None:
-    """Mixture the step [rad] to which angles were rounded, whatever their offset.
+    """Estimate the step [rad] to which angles were rounded, whatever their offset.
 
     Moves from reading to reading differ by multiples of the step. Only moves in equal intervals are compared: at a
     steady speed these are equal, and from edge to edge of a toothed wheel a longer move takes longer.
@@ -113,7 +113,7 @@ def encoder_step(stamps: FloatArray, angles: FloatArray, period_rad: float = TUR
 
 
 def _step_behind(unit: float, moves: FloatArray, changes: FloatArray) -> float | None:
-    """Mixture the step [rad] of readings that were rounded once more, to `unit`, as by the decimals of a log.
+    """Estimate the step [rad] of readings that were rounded once more, to `unit`, as by the decimals of a log.
 
     Moves are then within a unit, and their changes within two, of multiples of the step. None where chance explains it.
     """

@@ -85,7 +85,7 @@ def set_correlated(noise: Noise, track: Mixture, interval: float) -> None:
 def adapt_additive_noise(
     noise: Noise, differences: Differences, sampling: Sampling, track: Mixture, reading: float, tried: bool
 ) -> None:
-    """Mixture the noise beyond jitter from the lag-1 autocovariance of second differences, -4 sigma^2 if white.
+    """Estimate the noise beyond jitter from the lag-1 autocovariance of second differences, -4 sigma^2 if white.
 
     The autocovariance of the motion is positive while ripple has many samples per wave, so motion adds no noise. With
     few samples per wave it may look like noise: such samples count only after models with ripple were `tried`.
