@@ -211,8 +211,9 @@ def _of_calibration(found: Calibration) -> dict[str, Estimate]:
 
 
 def _is_equivalent(cause: Cause, right: frozenset[str]) -> bool:
-    """True for a cause that is not right and names a right one as equivalent."""
-    return cause.cause not in right and any(_PATHS.get(each) in cause.equivalents for each in right)
+    """True for a cause that is not right and is that of a right parameter, or names it as equivalent."""
+    paths = (cause.parameter, *cause.equivalents)  # at one speed a delay is a zero or delay
+    return cause.cause not in right and any(_PATHS.get(each) in paths for each in right)
 
 
 def _stated(hard: Hard) -> tuple[Assessment, list[tuple[str, str, float, float]]]:

@@ -163,19 +163,19 @@ def _windows(evidence: Evidence, configured: Settings) -> list[_Window]:
     sampling = 1.0 / float(np.median(np.diff(time)))
     part = np.floor((theta - theta[0]) / (TURN * _TURNS))
     edges = np.flatnonzero(np.diff(part)) + 1
-    found = []
-    for rows in np.split(np.arange(time.size), edges):
-        window = _window(time[rows], theta[rows], both[rows], sampling)
-        if window is not None:
-            found.append(window)
-    if not found:
-        return []
-    evenly = np.linspace(0, len(found) - 1, min(_MOST_WINDOWS, len(found)))
-    return [found[k] for k in evenly.astype(np.int64).tolist()]
+    found = [
+        (rows, speed)
+        for first, end in pairwise([0, *edges.tolist(), time.size])
+        if (speed := _uniform_speed(time[rows := slice(first, end)], theta[rows])) is not None
+    ]
+    evenly = np.linspace(0, len(found) - 1, min(_MOST_WINDOWS, len(found))).astype(np.int64)
+    chosen = [found[k] for k in evenly.tolist()]
+    windows = (_window(speed, theta[rows], both[rows], sampling) for rows, speed in chosen)
+    return [window for window in windows if window is not None]
 
 
-def _window(time: FloatArray, theta: FloatArray, torques: FloatArray, sampling: float) -> _Window | None:
-    """Fit the orders of a window; None where samples are missing or the shaft does not turn forward at one speed."""
+def _uniform_speed(time: FloatArray, theta: FloatArray) -> float | None:
+    """Speed of a window; None where samples are missing or the shaft does not turn forward at one speed."""
     turned, lasted = float(theta[-1] - theta[0]), float(time[-1] - time[0])
     if abs(turned) < 0.9 * TURN * _TURNS or not lasted > 0.0:
         return None
@@ -186,13 +186,16 @@ def _window(time: FloatArray, theta: FloatArray, torques: FloatArray, sampling: 
     if any(np.count_nonzero(rows) < 8 for rows in turns):
         return None
     speeds = [float(np.ptp(theta[rows]) / np.ptp(time[rows])) for rows in turns]
-    if max(speeds) - min(speeds) > _UNIFORM * abs(speed):
-        return None
-    orders = int(min(_ORDERS, min(_SHARE_OF_SAMPLING * sampling, _HIGHEST_HZ) * TURN / abs(speed), time.size // 6))
+    return None if max(speeds) - min(speeds) > _UNIFORM * speed else speed
+
+
+def _window(speed: float, theta: FloatArray, torques: FloatArray, sampling: float) -> _Window | None:
+    """Fit the orders of a window; None if too few of them lie below the limits."""
+    orders = int(min(_ORDERS, min(_SHARE_OF_SAMPLING * sampling, _HIGHEST_HZ) * TURN / speed, theta.size // 6))
     if orders < 4:
         return None
     waves = np.exp(1j * np.outer(theta, np.arange(1, orders + 1)))
-    columns = np.concatenate([np.ones((time.size, 1)), waves.real, waves.imag], axis=1)
+    columns = np.concatenate([np.ones((theta.size, 1)), waves.real, waves.imag], axis=1)
     fitted = np.linalg.lstsq(columns, torques, rcond=None)[0]
     amplitudes = fitted[1 : orders + 1] - 1j * fitted[orders + 1 :]
     return _Window(speed, amplitudes[:, 0], amplitudes[:, 1])
