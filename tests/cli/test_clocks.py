@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -26,6 +27,14 @@ def both(after_s: float) -> MillRecording:
     return replace(MADE, angle_stamps_ns=angle, torque_stamps_ns=torque)
 
 
+def verdict(bag: Path, folder: Path, *options: str) -> list[dict[str, object]]:
+    """Return the verdict of compare."""
+    numbers = folder / "numbers.json"
+    assert main(["compare", str(bag), "--machine", "tufting", "--json", str(numbers), *options]) == 0
+    found: list[dict[str, object]] = json.loads(numbers.read_text())["verdict"]
+    return found
+
+
 @pytest.mark.parametrize(("after_s", "code"), [(16.0, 0), (8.0, 2)])
 def test_a_clock_that_was_set_back(
     after_s: float, code: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -45,9 +54,8 @@ def test_discarded_samples_of_a_clock_set_back_are_of_one_part(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     bag = write(tmp_path / "bag", both(8.0))
-    assert main(["compare", str(bag), "--machine", "tufting", "--skip-bad-samples"]) == 0
-    told = capsys.readouterr()
-    assert "as the machine file says" in told.out and told.err == ""
+    assert verdict(bag, tmp_path, "--skip-bad-samples") == []
+    assert capsys.readouterr().err == ""
 
 
 @pytest.mark.parametrize("command", [["compare"], ["monitor", "--learn", "5"]])
@@ -57,7 +65,7 @@ def test_a_torque_whose_clock_was_set_back_alone(
     bag = write(tmp_path / "bag", replace(MADE, torque_stamps_ns=set_back(MADE.torque_stamps_ns, 16.0)))
     assert main([command[0], str(bag), "--machine", "tufting", *command[1:]]) == 0
     told = capsys.readouterr()
-    assert "topic /balancing_torque/measured: a clock was set back" in told.err + told.out
+    assert (told.err + told.out).count("/balancing_torque/measured") == 1
 
 
 @pytest.mark.parametrize("which", ["torque", "angle", "both"])
@@ -71,12 +79,9 @@ def test_a_clock_that_was_set_back_by_some_seconds_gives_no_verdict(
     if which != "torque":
         made = replace(made, angle_stamps_ns=set_back(MADE.angle_stamps_ns, 12.0, 3))
     bag = write(tmp_path / "bag", made)
-    assert main(["compare", str(bag), "--machine", "tufting"]) == 0
-    told = capsys.readouterr()
-    assert "as the machine file says" in told.out and "a clock was set back" in told.err
-    assert ("torque from there on is not used" in told.err) == (which != "both")
+    assert verdict(bag, tmp_path) == []
+    assert ("torque from there on is not used" in capsys.readouterr().err) == (which != "both")
     assert main(["monitor", str(bag), "--machine", "tufting", "--learn", "12"]) == 0
-    assert "a clock was set back" in capsys.readouterr().out
 
 
 def test_a_replay_discards_torque_as_the_other_commands_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -88,7 +93,7 @@ def test_a_replay_discards_torque_as_the_other_commands_do(tmp_path: Path, capsy
     assert int(line.split()[1]) > 0.95 * after and told.err == ""
     alone = replace(MADE, torque_stamps_ns=set_back(MADE.torque_stamps_ns, 16.0))
     assert main(["replay", str(write(tmp_path / "alone", alone)), *arguments]) == 0
-    assert "topic /balancing_torque/measured: a clock was set back" in capsys.readouterr().err
+    assert capsys.readouterr().err.count("\n") == 1
 
 
 def test_samples_out_of_order_are_not_a_clock_set_back(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -98,4 +103,4 @@ def test_samples_out_of_order_are_not_a_clock_set_back(tmp_path: Path, capsys: p
     stamps = MADE.angle_stamps_ns[np.clip(order, 0, order.size - 1)]
     bag = write(tmp_path / "bag", replace(MADE, angle_stamps_ns=stamps))
     assert main(["replay", str(bag), "--machine", "tufting", "--out", str(tmp_path / "out"), "--skip-bad-samples"]) == 0
-    assert "set back" not in capsys.readouterr().err
+    assert capsys.readouterr().err == ""

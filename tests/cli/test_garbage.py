@@ -103,7 +103,7 @@ def test_a_recording_with_flipped_bits(tmp_path: Path, capsys: pytest.CaptureFix
 
 
 def test_a_machine_made_in_python_is_refused_alike() -> None:
-    with pytest.raises(MachineError, match=r"tufting.*computation fails"):
+    with pytest.raises(MachineError):
         machines.tufting(l1_m=1e300)
 
 

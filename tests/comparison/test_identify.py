@@ -206,7 +206,7 @@ def test_gaps_are_reported_and_samples_beside_them_count() -> None:
     lost = ((since > 8.0) & (since < 10.5)) | ((since > 14.0) & (since < 15.0))
     readings = Readings(made.angle_stamps_ns[~lost], np.unwrap(made.angle)[~lost], made.torque_stamps_ns, made.torque)
     found = identify(readings, configured_machine(case))
-    assert any("gaps in the shaft angle" in note and "does not count" in note for note in found.notes)
+    assert any("does not count" in note for note in found.notes)
     product = found.parameters["backing_force_N"].value * found.parameters["torque_sensor_gain"].value
     assert product == pytest.approx(1000.0, rel=0.01)
 

@@ -30,4 +30,4 @@ def test_uncompiled_loops_meet_the_same_events() -> None:
         assert time_s == pytest.approx(event.time_s, abs=1e-14)
         assert impulse == pytest.approx(event.impulse_Ns, rel=1e-9)
     assert positions == pytest.approx(run.positions[:, -1].tolist(), abs=1e-14)
-    assert "loops run uncompiled" in told.stderr
+    assert told.stderr.count("\n") == 1

@@ -72,7 +72,7 @@ def test_there_is_no_book(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="no fault book there"):
         FaultBook(tmp_path)
     (tmp_path / "faults.db").write_bytes(b"a letter, and no database" * 100)
-    with pytest.raises(RecordingError, match="no fault book"):
+    with pytest.raises(RecordingError):
         FaultBook(tmp_path)
 
 

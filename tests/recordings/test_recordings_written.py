@@ -336,7 +336,7 @@ def test_a_live_recording_that_another_overwrites_says_so_and_leaves_it_alone(tm
         with pytest.raises(FileNotFoundError, match="overwritten by another recording while it was recorded"):
             getattr(first, noticed)()
         second.flush()
-        with pytest.raises(OutputError, match="overwritten"), first:
+        with pytest.raises(OutputError), first:
             pass
         assert [file.name for file in path.iterdir()] == ["bag_0.mcap"]
     assert open_bag(path).message_count == 2

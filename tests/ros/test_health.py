@@ -89,7 +89,6 @@ def test_stamps_in_bursts_are_named_with_their_numbers() -> None:
     stamps = (number // 8 + 1) * 16_000_000 + (number % 8) * 71_429
     (finding,) = burst_findings(stamps, 0.03 * number, angles=True)
     assert finding.level == WARN
-    assert finding.text.startswith("stamps in bursts: 8 samples within 0.5 ms, then 15.5 ms: stamped on arrival")
     assert burst_findings(stamps, 1e-9 * stamps, angles=True) == []  # taken in bursts
     assert len(burst_findings(stamps, np.sin(number), angles=False)) == 1
     assert burst_findings(number * 2_000_000, 0.03 * number, angles=True) == []

