@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from textile_twin_core.arrays import BoolArray, FloatArray
+from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 
 TWO_PI = 2.0 * np.pi
 
@@ -62,8 +62,20 @@ def canvas_for(values: Sequence[FloatArray], width: float, height: float) -> Ang
 
 def split_turns(theta_rad: FloatArray, points: FloatArray) -> list[FloatArray]:
     """Split a line of canvas points (n, 2) where the angle passes a full turn or a point is not finite."""
+    return [points[first:end] for first, end in zip(*line_ends(theta_rad, points, len(points)), strict=True)]
+
+
+def line_ends(theta_rad: FloatArray, points: FloatArray, length: int) -> tuple[IntArray, IntArray]:
+    """Find the lines of at most `length` steps among canvas points (n, 2), as indices [first, end), each (k,).
+
+    Lines are cut after each `length` steps, where the next one begins at the same point, and split as by `split_turns`.
+    """
     turn = np.floor(theta_rad / TWO_PI)
     bad: BoolArray = np.asarray(np.isnan(points).any(axis=1))
     breaks = np.flatnonzero((np.diff(turn) != 0.0) | bad[1:] | bad[:-1]) + 1
-    strips = np.split(points, breaks)
-    return [strip for strip in strips if len(strip) > 1 and not np.isnan(strip).any()]
+    cuts = np.setdiff1d(np.arange(length, len(points) - 1, length), breaks)
+    places, ends = np.concatenate([breaks, cuts]), np.concatenate([breaks, cuts + 1])
+    order = np.argsort(places)
+    first, end = np.append(0, places[order]), np.append(ends[order], len(points))
+    line = end - first > 1
+    return first[line], end[line]

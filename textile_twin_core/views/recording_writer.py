@@ -13,7 +13,7 @@ from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.comparison import AngleBins
 from textile_twin_core.comparison.alignment import GAP_PERIODS
 from textile_twin_core.views import palette
-from textile_twin_core.views.angle_canvas import AngleCanvas, split_turns
+from textile_twin_core.views.angle_canvas import AngleCanvas, line_ends, split_turns
 from textile_twin_core.views.layout import TIMELINE
 from textile_twin_core.views.phases import StateChanges
 from textile_twin_core.views.scene import MachineScene, poses
@@ -86,16 +86,13 @@ class RecordingWriter:
         """Write a torque over the shaft angle as short lines, which the viewer shows for some turns."""
         length = max(_SEGMENT, time_s.size // _MOST_SEGMENTS)
         for block in blocks(time_s.size - 1, max(1, _BLOCK // length) * length):
-            strips, ends = [], []
-            for first in range(block.start, block.stop, length):
-                part = slice(first, min(first + length + 1, time_s.size))
-                theta = theta_rad[part]
-                for strip in split_turns(theta, self.torque_canvas.place(theta, torque_Nm[part])):
-                    strips.append(strip.astype(np.float32))
-                    ends.append(time_s[part][-1])
-            if strips:
-                columns = rr.LineStrips2D.columns(strips=strips)
-                self.stream.send_columns(f"angle/{which}", at_times(np.array(ends)), columns)
+            part = slice(block.start, min(block.stop + 1, time_s.size))
+            points = self.torque_canvas.place(theta_rad[part], torque_Nm[part]).astype(np.float32)
+            first, end = line_ends(theta_rad[part], points, length)
+            if first.size:
+                strips = [points[a:b] for a, b in zip(first, end, strict=True)]
+                ends = time_s[part][np.minimum((first // length + 1) * length, len(points) - 1)]
+                self.stream.send_columns(f"angle/{which}", at_times(ends), rr.LineStrips2D.columns(strips=strips))
 
     def point(
         self, entity: str, canvas: AngleCanvas, time_s: FloatArray, theta_rad: FloatArray, value: FloatArray
