@@ -253,7 +253,9 @@ def _inferred(
     return found, by_speed
 
 
-def record_of(evidence: Evidence, speed_controlled: bool = False, whole_turns: bool = False) -> Record:
+def record_of(
+    evidence: Evidence, speed_controlled: bool = False, whole_turns: bool = False, most: int = MOST_SAMPLES
+) -> Record:
     """Return the record for the inference, by samples or by block averages.
 
     Args:
@@ -261,9 +263,10 @@ def record_of(evidence: Evidence, speed_controlled: bool = False, whole_turns: b
         speed_controlled: averages over a tenth of a turn.
         whole_turns: averages over a turn, for a machine whose torque does not depend on the angle. A torque that
             repeats with the angle is then foreign to it, and its ripple in speed must not pass for an inertia.
+        most: most samples.
     """
     blocks = evidence.in_blocks(whole_turns=whole_turns) if speed_controlled or whole_turns else evidence
-    turning = blocks.thinned(MOST_SAMPLES)
+    turning = blocks.thinned(most)
     return Record(
         turning.time_s,
         turning.torque_Nm,

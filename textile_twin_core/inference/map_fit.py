@@ -65,7 +65,7 @@ class Fit:
 
 
 @dataclass(frozen=True)
-class _Weighed:
+class Weighed:
     """Weighted residuals at one place: normal matrix, gradient, cost and their sources.
 
     absent: cost of the samples that are not in the fit, each as the mean of the others.
@@ -123,11 +123,11 @@ def map_fit(
     high = np.minimum(measurement.nominal + reach, [_HIGHEST.get(name, np.inf) for name in names])
     variance, damping = prior_variance(measurement, departing, x), 0.0
 
-    def weigh(x: FloatArray) -> _Weighed:
+    def at(x: FloatArray) -> Weighed:
         measurement.model.linearise(measurement.values(x), departing if relinearise else ())
-        return _weigh(measurement, hypothesis, x, variance, given, scale)
+        return weigh(measurement, hypothesis, x, variance, given, scale)
 
-    here = weigh(x)
+    here = at(x)
     for _ in range(iterations):
         normal = here.information / given + np.diag(1.0 / variance)
         slope = here.gradient / given - (x - measurement.nominal) / variance
@@ -136,7 +136,7 @@ def map_fit(
         if cost < here.cost + 1e-9:
             x, damping = trial, damping / 10.0 if damping > 1e-6 else 0.0
             done = here.cost - cost < _CONVERGED
-            here = weigh(x)
+            here = at(x)
             if done:
                 break
         else:
@@ -176,14 +176,15 @@ def wide_fit(
     return fit
 
 
-def _weigh(
+def weigh(
     measurement: Measurement,
     hypothesis: Hypothesis,
     x: FloatArray,
     variance: FloatArray,
     inflation: float,
     scale: float,
-) -> _Weighed:
+) -> Weighed:
+    """Weigh the residuals at x; `scale` 0: that of these residuals."""
     record = measurement.record
     seen = measurement.expected(hypothesis, x, slopes=True)
     assert seen.slopes is not None
@@ -213,7 +214,7 @@ def _weigh(
         # averages over a turn scatter from turn to turn: batches of the square root of their number show it
         turn = turn // max(math.isqrt(int(np.ptp(turn))), 1) if turn.size else turn
     rms = float(np.sqrt(np.sum(own * residual**2) / max(float(np.sum(own)), 1e-300)))
-    return _Weighed(
+    return Weighed(
         information, gradient, scale, cost, absent, residual, own, good, rms, turn, weight * residual, slopes
     )
 
@@ -224,7 +225,7 @@ def _cost(
     x: FloatArray,
     variance: FloatArray,
     inflation: float,
-    here: _Weighed,
+    here: Weighed,
 ) -> float:
     """Cost at another place with the weights of this one, over their common samples; infinite with too few."""
     seen = measurement.expected(hypothesis, x)
@@ -256,7 +257,7 @@ def _step(names: tuple[str, ...], index: IntArray, normal: FloatArray, slope: Fl
     return step
 
 
-def _ratios(measurement: Measurement, here: _Weighed) -> FloatArray:
+def _ratios(measurement: Measurement, here: Weighed) -> FloatArray:
     """Variance of the scores per turn over that of independent samples, by parameter, at least 1."""
     asked = [measurement.place[name] for name in _CLUSTERED]
     place = np.unique(here.turn, return_inverse=True)[1]
