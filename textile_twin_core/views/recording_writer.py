@@ -87,10 +87,11 @@ class RecordingWriter:
         length = max(_SEGMENT, time_s.size // _MOST_SEGMENTS)
         for block in blocks(time_s.size - 1, max(1, _BLOCK // length) * length):
             part = slice(block.start, min(block.stop + 1, time_s.size))
-            points = self.torque_canvas.place(theta_rad[part], torque_Nm[part]).astype(np.float32)
+            points = self.torque_canvas.place(theta_rad[part], torque_Nm[part])
             first, end = line_ends(theta_rad[part], points, length)
             if first.size:
-                strips = [points[a:b] for a, b in zip(first, end, strict=True)]
+                drawn = points.astype(np.float32)
+                strips = [drawn[a:b] for a, b in zip(first, end, strict=True)]
                 ends = time_s[part][np.minimum((first // length + 1) * length, len(points) - 1)]
                 self.stream.send_columns(f"angle/{which}", at_times(ends), rr.LineStrips2D.columns(strips=strips))
 
