@@ -34,7 +34,7 @@ def test_nothing_is_said_of_a_healthy_recording(machine: str, run_up: bool) -> N
     assert found.explained > 0.99
 
 
-@pytest.mark.parametrize("mass", [0.8, 1.25])
+@pytest.mark.parametrize("mass", [0.8, *more(1.25)])
 def test_a_rocker_of_another_mass_is_named_or_an_equivalent_and_no_sensor_is_accused(mass: float) -> None:
     case = healthy("loom", 911, duration_s=24.0)
     made, machine = record(case), configured_machine(case)
@@ -86,7 +86,7 @@ def test_a_mistake_is_named_first(machine: str, names: tuple[str, ...], run_up: 
     assert found.verdict[0].cause in right
 
 
-@pytest.mark.parametrize("run_up", [True, False])
+@pytest.mark.parametrize("run_up", [True, *more(False)])
 def test_what_is_too_small_to_be_named_does_not_move_what_is(run_up: bool) -> None:
     """An offset of a hundredth of the torque's peak acts as 1.5 % of gain if it is not fitted."""
     case = healthy("tufting", 913, run_up=run_up, duration_s=18.0)
@@ -257,7 +257,7 @@ def test_angles_without_torque_before_a_recording_give_no_false_cause() -> None:
         assert found.explained > 0.99
 
 
-@pytest.mark.parametrize(("second", "by_rad"), [(1.0, -2.0), (12.0, 0.3)])
+@pytest.mark.parametrize(("second", "by_rad"), [(1.0, -2.0), *more((12.0, 0.3))])
 def test_a_slip_of_the_encoder_is_reported_with_its_time_and_gives_no_false_cause(second: float, by_rad: float) -> None:
     case = healthy("tufting", 910, run_up=False, duration_s=20.0)
     made = record(case)

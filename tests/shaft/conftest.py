@@ -6,8 +6,6 @@ import pytest
 
 
 def pytest_itemcollected(item: pytest.Item) -> None:
-    values = {mark.args[0]: mark.args[1] for mark in item.iter_markers("parametrize")}
-    for name in ("view", "name"):
-        three = isinstance(item, pytest.Function) and len(values.get(name, ())) == 3
-        if three and item.callspec.params[name] == "lag":
-            item.add_marker(pytest.mark.campaign)
+    views = {mark.args[0]: mark.args[1] for mark in item.iter_markers("parametrize")}.get("view", ())
+    if isinstance(item, pytest.Function) and len(views) == 3 and item.callspec.params["view"] == "lag":
+        item.add_marker(pytest.mark.campaign)

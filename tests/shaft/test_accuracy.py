@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from tests.campaign import more
 from tests.shaft.judge import Judgement, judge
 from tests.shaft.shaft_signal import make_signal
 
@@ -41,8 +42,10 @@ def test_torque_error(name: str, knocks: bool, allowed: float) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("knocks", [False, True])
-@pytest.mark.parametrize("name", ["causal", "lag", "smooth"])
+@pytest.mark.parametrize(
+    ("name", "knocks"),
+    [("causal", False), ("smooth", True), *more(("causal", True), ("smooth", False), ("lag", False), ("lag", True))],
+)
 def test_sigmas_contain_the_truth_about_as_often_as_stated(name: str, knocks: bool) -> None:
     """The ideal is 68 %; an error of the ripple lasts a whole record, and the sigma after a knock is cautious."""
     found = [judged(name, seed, knocks) for seed in range(901, 909)]
