@@ -30,8 +30,6 @@ from textile_twin_core.recordings.samples import AngleSamples, TorqueSamples
 
 _BEYOND = 3.0
 _NOISE_NM, _BITS = 0.05, 13
-_SOFT_NMS = 10.0
-"""Stiffest controller that the generator's steps allow for the inertia of the loom alone."""
 _PATHS = {"delay": DELAY, "torque_gain": GAIN, "unmodelled_inertia": ROTOR}
 SOURCES = ("verdict", "calibrate", "given the file", "identify")
 
@@ -69,8 +67,7 @@ def _speed_controlled(seed: int, added: bool) -> Hard:
     if added:
         case = replace(case, added_inertia_kgm2=float(np.exp(rng.uniform(np.log(0.02), np.log(0.2)))))
     case = replace(case, torque=replace(case.torque, delay_s=late))
-    stiffest = _SOFT_NMS if case.machine == "loom" and not added else 40.0
-    gain_Nms = min(float(np.exp(rng.uniform(np.log(2.0), np.log(40.0)))), stiffest)
+    gain_Nms = float(np.exp(rng.uniform(np.log(2.0), np.log(40.0))))
     low = float(rng.uniform(8.0, 10.0))
     fine, angle, _, torque = speed_controlled_motion(case, gain_Nms, (low, low + float(rng.uniform(3.0, 6.0))))
     time, step = np.arange(0.1, case.duration_s - 0.1, 0.001), 2.0 * np.pi / 2**_BITS
