@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 import scipy
 
-from textile_twin_core.comparison.uncertainty import Uncertainty, pseudo_residuals, uncertainty_by_turns
+from textile_twin_core.comparison.uncertainty import (
+    Uncertainty,
+    pseudo_residuals,
+    uncertainty_by_turns,
+    uncertainty_by_turns_and_angle,
+)
 
 
 def by_definition(slopes: np.ndarray, left: np.ndarray, turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -103,8 +108,27 @@ def test_two_turns_that_agree_by_chance_are_no_surer_than_their_samples() -> Non
 
 
 def test_what_other_choices_move_an_estimate_by_is_in_its_interval() -> None:
-    known = Uncertainty(np.diag([4.0, 9.0]), np.array([5.0, 7.0]))
+    known = Uncertainty(np.diag([4.0, 9.0]), np.array([5.0, 7.0]), np.array([1.0, 1.0]))
     wider = known.wider([np.array([3.0, 0.0]), np.array([0.0, -4.0])])
     np.testing.assert_allclose(np.sqrt(np.diag(wider.covariance)), [np.sqrt(13.0), 5.0])
     np.testing.assert_allclose(wider.half_width, [np.hypot(5.0, 1.96 * 3.0), np.hypot(7.0, 1.96 * 4.0)], rtol=1e-4)
     assert known.wider([]) is known
+
+
+@pytest.mark.parametrize(("repeated", "wider"), [(0.0, 1.2), (0.5, 2.0)])
+def test_an_error_that_repeats_in_every_turn_is_in_the_interval(repeated: float, wider: float) -> None:
+    """40 turns of 48 samples with white noise, and an error of each of 24 sectors, the same in all turns."""
+    rng = np.random.default_rng(7)
+    turn, place = (each.ravel() for each in np.mgrid[0:40, 0:48])
+    theta = 2.0 * np.pi * place / 48.0
+    slopes = np.column_stack([np.sin(theta), np.cos(theta), np.ones(theta.size)])
+    inside, ratio = [], []
+    for _ in range(200):
+        error = repeated * rng.standard_normal(24)[place // 2] + rng.standard_normal(theta.size)
+        found = np.linalg.lstsq(slopes, error, rcond=None)[0]
+        residual = error - slopes @ found
+        both = uncertainty_by_turns_and_angle(slopes, residual, turn, place // 2, slopes)
+        inside.append(np.abs(found) < both.half_width)
+        ratio.append(both.half_width / uncertainty_by_turns(slopes, residual, turn).half_width)
+    assert np.mean(inside) > 0.9
+    assert (np.median(ratio) > wider) == (repeated > 0.0)

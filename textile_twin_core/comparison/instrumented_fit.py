@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
-from textile_twin_core.comparison.uncertainty import Uncertainty, uncertainty_by_turns
-from textile_twin_core.inference.map_fit import map_fit, prior_variance, weigh
+from textile_twin_core.comparison.uncertainty import Uncertainty, uncertainty_by_turns_and_angle
+from textile_twin_core.inference.map_fit import SECTORS, TURN, map_fit, prior_variance, weigh
 from textile_twin_core.inference.measurement import Hypothesis, Measurement
 from textile_twin_core.inference.record import RecordedMotion
 from textile_twin_core.inference.robust import huber_weights, robust_scale
@@ -30,7 +30,7 @@ class InstrumentedFit:
         slopes, instruments: (n, f) of the expected torque by the fitted parameters, on the record's motion and on the
             clean one; weighted.
         residual: (n,) measured less expected torque, weighted [N m].
-        turn: (n,) number of each row's turn; a standstill is a turn of its own.
+        turn, sector: (n,) number of each row's turn, and of its sector of the turn; a standstill has its own ones.
     """
 
     x: FloatArray
@@ -39,11 +39,12 @@ class InstrumentedFit:
     instruments: FloatArray
     residual: FloatArray
     turn: IntArray
+    sector: IntArray
 
     @property
     def uncertainty(self) -> Uncertainty:
         """Covariance and intervals of the fitted parameters."""
-        return uncertainty_by_turns(self.slopes, self.residual, self.turn, self.instruments)
+        return uncertainty_by_turns_and_angle(self.slopes, self.residual, self.turn, self.sector, self.instruments)
 
 
 def instrumented_fit(
@@ -102,6 +103,7 @@ def _rows(
     k = [m.place[name] for name in names]
     root = np.sqrt(here.own)[:, None]
     slopes, residual, turn = here.slopes[:, k] * root, here.residual * root[:, 0], here.turn
+    sector = np.floor(np.mod(here.theta, TURN) * (SECTORS / TURN)).astype(np.int64)
     instruments = slopes
     if other is not None:
         seen = other.expected(hypothesis, x, slopes=True)
@@ -109,14 +111,16 @@ def _rows(
         columns, good = other.means(seen.slopes[:, k], seen.good)
         both: BoolArray = good[here.good]
         instruments = columns[here.good] * root
-        slopes, instruments, residual, turn = slopes[both], instruments[both], residual[both], turn[both]
+        slopes, instruments, residual = slopes[both], instruments[both], residual[both]
+        turn, sector = turn[both], sector[both]
     standing, standing_slopes = m.at_standstill(hypothesis, x, slopes=True)
     if standing.size and standing_slopes is not None:
         still = standing_slopes[:, k] * here.scale
         slopes, instruments = np.concatenate([slopes, still]), np.concatenate([instruments, still])
         residual = np.concatenate([residual, standing * here.scale])
         turn = np.concatenate([turn, int(turn.max(initial=0)) + 1 + np.arange(standing.size)])
-    return InstrumentedFit(x, names, slopes, instruments, residual, turn)
+        sector = np.concatenate([sector, SECTORS + np.arange(standing.size)])
+    return InstrumentedFit(x, names, slopes, instruments, residual, turn, sector)
 
 
 def _step(fit: InstrumentedFit, lowest: FloatArray) -> tuple[FloatArray, FloatArray]:

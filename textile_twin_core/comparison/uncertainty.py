@@ -60,10 +60,16 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Covariance (k, k) of k estimates, and half the widths (k,) of their 95 % intervals."""
+    """Uncertainty of k estimates.
+
+    Attributes:
+        covariance: (k, k). half_width: (k,) half the widths of their 95 % intervals.
+        independent: (k,) variances if the residuals of all samples were independent.
+    """
 
     covariance: FloatArray
     half_width: FloatArray
+    independent: FloatArray
 
     def wider(self, moved: Sequence[FloatArray]) -> Uncertainty:
         """Widen by the moves (k,) of the estimates under other, equally good choices: each is a possible bias."""
@@ -71,7 +77,7 @@ class Uncertainty:
             return self
         bias = sum((np.outer(each, each) for each in moved), np.zeros_like(self.covariance))
         half = np.hypot(self.half_width, scipy.stats.norm.ppf(0.975) * np.sqrt(np.diag(bias)))
-        return Uncertainty(self.covariance + bias, half)
+        return Uncertainty(self.covariance + bias, half, self.independent)
 
     def estimate(self, number: int, value: float) -> Estimate:
         """Return one estimate with its uncertainty."""
@@ -115,7 +121,27 @@ def uncertainty_by_turns(
     few = degrees < _FEW  # nan is not
     short = np.where(few, np.maximum(1.0, alone / np.maximum(np.sqrt(np.diag(covariance)), 1e-300)), 1.0)
     half = np.where(few, np.maximum(half, scipy.stats.norm.ppf(0.975) * alone), half)
-    return Uncertainty(covariance * np.outer(short, short) / np.outer(size, size), half / size)
+    covariance = covariance * np.outer(short, short) / np.outer(size, size)
+    return Uncertainty(covariance, half / size, np.diag(independent) / size**2)
+
+
+def uncertainty_by_turns_and_angle(
+    slopes: FloatArray, residual: FloatArray, turn: IntArray, sector: IntArray, instruments: FloatArray
+) -> Uncertainty:
+    """Uncertainty of estimates whose residuals are correlated within a turn, and at the same angle of all turns.
+
+    An error of the model or of the estimated acceleration that repeats in every turn is common to all turns, so turns
+    alone do not show it. Clustering both ways adds the variance by sectors of the turn less that of independent samples
+    (Cameron, Gelbach and Miller 2011).
+
+    Args:
+        slopes, residual, turn, instruments: see `uncertainty_by_turns`.
+        sector: (n,) of the turn in which each sample lies.
+    """
+    found = uncertainty_by_turns(slopes, residual, turn, instruments)
+    beside = uncertainty_by_turns(slopes, residual, sector, instruments)
+    repeated = np.maximum(np.diag(beside.covariance) - beside.independent, 0.0)
+    return found.wider([*np.diag(np.sqrt(repeated))])
 
 
 def pseudo_residuals(residual: FloatArray) -> FloatArray:

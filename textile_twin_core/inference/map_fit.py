@@ -33,7 +33,9 @@ _WIDENED = 3
 _BESIDE = 3.0
 """Standard deviation of a sample beside a step of the load, in scales of the residual, that halves its weight."""
 _CLUSTERED = (ZERO, DELAY, GAIN, COULOMB, ROTOR)
-"""Parameters whose scores per turn give the inflation of the residuals."""
+"""Parameters whose scores per turn, and per sector of the turn, give the inflation of the residuals."""
+SECTORS = 24
+"""Sectors of the turn in which residuals count as correlated between turns."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +82,7 @@ class Weighed:
     own: FloatArray
     good: BoolArray
     rms: float
+    theta: FloatArray
     turn: IntArray
     weighted: FloatArray
     slopes: FloatArray
@@ -215,7 +218,7 @@ def weigh(
         turn = turn // max(math.isqrt(int(np.ptp(turn))), 1) if turn.size else turn
     rms = float(np.sqrt(np.sum(own * residual**2) / max(float(np.sum(own)), 1e-300)))
     return Weighed(
-        information, gradient, scale, cost, absent, residual, own, good, rms, turn, weight * residual, slopes
+        information, gradient, scale, cost, absent, residual, own, good, rms, theta, turn, weight * residual, slopes
     )
 
 
@@ -258,9 +261,22 @@ def _step(names: tuple[str, ...], index: IntArray, normal: FloatArray, slope: Fl
 
 
 def _ratios(measurement: Measurement, here: Weighed) -> FloatArray:
-    """Variance of the scores per turn over that of independent samples, by parameter, at least 1."""
+    """Variance of the scores per turn over that of independent samples, by parameter, at least 1.
+
+    Scores of the same sector in all turns are summed, too: an error that repeats in every turn, as of the acceleration
+    at a step of the load, shows there alone (clusters both ways, Cameron, Gelbach and Miller 2011).
+    """
     asked = [measurement.place[name] for name in _CLUSTERED]
-    place = np.unique(here.turn, return_inverse=True)[1]
-    scores = [np.bincount(place, column * here.weighted) for column in here.slopes[:, asked].T]
-    clustered = np.array([each @ each for each in scores]) / here.scale**4
-    return np.maximum(clustered / np.maximum(np.diag(here.information)[asked], 1e-300), 1.0)
+    alone = np.maximum(np.diag(here.information)[asked], 1e-300)
+    sector = np.floor(np.mod(here.theta, TURN) * (SECTORS / TURN)).astype(np.int64)
+    by_turn, by_sector = (
+        np.array([scores @ scores for scores in _scores(here, asked, np.unique(each, return_inverse=True)[1])])
+        for each in (here.turn, sector)
+    )
+    of_turns, of_sectors = (clustered / here.scale**4 / alone for clustered in (by_turn, by_sector))
+    return np.maximum(of_turns, 1.0) + np.maximum(of_sectors - 1.0, 0.0)
+
+
+def _scores(here: Weighed, asked: list[int], place: IntArray) -> list[FloatArray]:
+    """Sums of the scores of some parameters over the samples of each place."""
+    return [np.bincount(place, column * here.weighted).astype(np.float64) for column in here.slopes[:, asked].T]
