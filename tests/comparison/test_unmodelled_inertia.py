@@ -95,19 +95,19 @@ def test_thirty_times_the_own_inertia_is_found_at_discontinuous_accelerations(ga
     """Errors of the estimated acceleration, as torque, exceeded the whole variation of the machine's torque."""
     case = replace(heavier("tufting"), added_inertia_kgm2=0.2)
     found = assess(speed_controlled(case, gain_Nms), configured_machine(case))
-    assert inertia(found) == pytest.approx(0.2, rel=0.02)
-    assert len(found.verdict) == 1
-    assert found.verdict[0].sigma < 0.005 and "for each ms" in found.verdict[0].text
+    (cause,) = found.verdict
+    assert inertia(found) == pytest.approx(0.2, abs=3.0 * cause.sigma)
+    assert cause.sigma < 0.005 and "for each ms" in cause.text
 
 
 @pytest.mark.slow
 def test_beside_a_reversed_sign_both_are_named() -> None:
     """A gain, the loads, friction and a zero of 144 degrees explain nearly as much of such a torque."""
-    case = replace(heavier("tufting"), added_inertia_kgm2=0.2)
+    case = heavier("tufting")
     readings = speed_controlled(case, 2.0)
     sign, added = assess(replace(readings, torque=-readings.torque), configured_machine(case)).verdict
     assert (sign.cause, added.cause) == ("torque_sign", "unmodelled_inertia")
-    assert added.value == pytest.approx(0.2, rel=0.02)
+    assert added.value == pytest.approx(ADDED_KGM2, rel=0.02)
 
 
 @pytest.mark.slow
