@@ -115,6 +115,24 @@ def test_a_backing_beyond_the_needle_is_not_fitted() -> None:
     assert shallow in found.machine.loads
 
 
+def test_an_event_without_samples_beside_it_stays_as_configured() -> None:
+    """Torque cut off at 60 % of its largest value: the samples in the backing beside the exit are lost."""
+    case = healthy("tufting", 200, duration_s=24.0)
+    made = record(case)
+    largest = 0.6 * float(np.max(np.abs(made.torque)))
+    cut = np.clip(made.torque, -largest, largest)
+    machine = configured_machine(case)
+    found = identify(Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, cut), machine)
+    entry, leave = entry_and_exit(Backing().entry_plane_m)
+    lost = {each.name for each in found.not_identifiable} & {"entry_angle_rad", "exit_angle_rad"}
+    assert lost
+    for name, truth in (("entry_angle_rad", entry), ("exit_angle_rad", leave)):
+        if name in lost:
+            assert found.fixed[name] == pytest.approx(truth, abs=1e-4)
+        else:
+            assert abs(found.parameters[name].value - truth) < 3.0 * found.parameters[name].sigma
+
+
 def test_several_backings_are_reported_as_not_fitted() -> None:
     """A record of one backing, a file with two of half the force: only the event angles are not fitted."""
     case = healthy("tufting", 979, duration_s=16.0)

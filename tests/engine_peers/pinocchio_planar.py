@@ -13,19 +13,9 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
+from tests.benchmarks.peers.planar_tree import Cut, Point
+
 Floats = npt.NDArray[np.float64]
-Point = tuple[float, float]
-
-
-@dataclass(frozen=True)
-class Cut:
-    """A pin cut open: a point of one body must stay on a point of an earlier body; points body-fixed [m]."""
-
-    name: str
-    later: int
-    at_later: Point
-    earlier: int
-    at_earlier: Point
 
 
 @dataclass

@@ -49,6 +49,6 @@ def identifiable(
         gone = next(name for name in order if name in tangled)
         partners = [name for name in tangled if name != gone]
         kept.remove(gone)
-        text = f"{gone} cannot be told from {' and '.join(partners)} in this recording; it stays as configured"
+        text = f"{gone} cannot be distinguished from {' and '.join(partners)} in this recording; it stays as configured"
         lost.append(NotIdentifiable(gone, text))
     return kept, lost

@@ -120,13 +120,16 @@ def identify(readings: Readings, machine: Machine, begin: Begin = unheard) -> Id
     samples = m.on(record_of(found.evidence, most=_ALL_SAMPLES))
     clean = None if record.block_s else _clean_motion(readings, machine, found)
     smooth = {*free, *nuisance}.difference(candidates.planes)
-    events, x = dict[str, EventAngle](), start
+    events = dict[str, EventAngle]()
     if set(candidates.planes).intersection(free):
-        events, start = _events(samples, hypothesis, instrumented_fit(m, hypothesis, start, smooth).x, candidates, free)
+        least = instrumented_fit(m, hypothesis, start, smooth).x
+        events, start = _events(samples, hypothesis, least, candidates, free)
     fit = instrumented_fit(m, hypothesis, start, smooth, clean)
     events, x = _events(samples, hypothesis, fit.x, candidates, tuple(events))
     for name in set(candidates.planes).intersection(free).difference(events):
-        text = f"{candidates.public[name]} cannot be told: too few torque samples beside it; it stays as configured"
+        text = (
+            f"{candidates.public[name]} cannot be determined: too few torque samples beside it; it stays as configured"
+        )
         lost.append(NotIdentifiable(candidates.public[name], text))
     begin("weighing", 1.0)
     known, fitted = fit.uncertainty, dict[str, Estimate]()
@@ -166,21 +169,24 @@ def _events(
     """Estimate event angles from the samples beside them; return their shifts, and x with the planes moved.
 
     Few samples lie beside an event, so its likelihood is no parabola, and the fit of all samples would be
-    overconfident. An event with too few samples on either side is left out.
+    overconfident. An event with too few samples on either side is left out, its plane as configured.
     """
     residual, good = samples.residual(hypothesis, x)
     scale, moved, events = robust_scale(residual[good]), x.copy(), dict[str, EventAngle]()
-    for name, angle in candidates.event_angles(samples, x).items():
-        if name not in names:
+    angles = candidates.event_angles(samples, x)
+    for name in set(candidates.planes).intersection(names):
+        place = samples.place[name]
+        moved[place] = samples.nominal[place]
+        if name not in angles:
             continue
-        beside = candidates.beside_event(samples, hypothesis, x, name, angle, 1.2 * _SCAN_RAD)
+        beside = candidates.beside_event(samples, hypothesis, x, name, angles[name], 1.2 * _SCAN_RAD)
         shifts = np.linspace(-_SCAN_RAD, _SCAN_RAD, 401)
         coarse = float(shifts[np.argmin([beside.error(float(shift), _SPREAD_RAD) for shift in shifts])])
         past = beside.relative_rad - coarse
         near = np.abs(past) < _REACH_RAD
         if min(np.count_nonzero(near & (past < 0.0)), np.count_nonzero(near & (past > 0.0))) >= _FEWEST_BESIDE:
             events[name] = event_angle(beside, scale, coarse, _REACH_RAD)
-            moved[samples.place[name]] = candidates.plane_at(angle + events[name].shift.value)
+            moved[place] = candidates.plane_at(angles[name] + events[name].shift.value)
     return events, moved
 
 
@@ -231,15 +237,15 @@ def _identifiable(
     if m.record.one_speed:
         delay, partner = (DELAY, ZERO) if DELAY not in found.settled.free else (ZERO, DELAY)
         for name, other in ((delay, partner), (VISCOUS, COULOMB)):
-            give_up(name, f"cannot be told from {public[other]} at one speed")
+            give_up(name, f"cannot be distinguished from {public[other]} at one speed")
     elif found.whole_turns and DELAY not in departing:
         give_up(DELAY, "shows in changes of the speed alone without a linkage, and these show none")
     if m.record.speed_controlled and {ROTOR, DELAY} <= set(names):
         gone, other = (DELAY, ROTOR) if ROTOR in departing else (ROTOR, DELAY)
-        give_up(gone, f"cannot be told from {public[other]} where the torque follows the speed")
+        give_up(gone, f"cannot be distinguished from {public[other]} where the torque follows the speed")
     if m.record.speed_controlled:
         for name in candidates.planes:
-            give_up(name, "cannot be told: the torque of a speed-controlled drive makes no step there")
+            give_up(name, "cannot be determined: the torque of a speed-controlled drive makes no step there")
     seen = m.expected(found.posterior.hypothesis, values, slopes=True)
     assert seen.slopes is not None
     effects, good = m.means(seen.slopes[:, [m.place[name] for name in names]], seen.good)

@@ -86,7 +86,7 @@ class Candidates:
             if len(backings) > 1:
                 text = f"the machine has {len(backings)} backings; they stay as configured"
             names = _OF_BACKING.values()
-            self.missing = tuple(NotIdentifiable(name, f"{name} cannot be told: {text}") for name in names)
+            self.missing = tuple(NotIdentifiable(name, f"{name} cannot be determined: {text}") for name in names)
             self._slots = {}
         self.public = {name: _OF_BACKING[slot.attribute] for name, slot in self._slots.items()} | _ALWAYS
         self.planes = tuple(name for name in self._slots if self.public[name] in _EVENTS)
