@@ -44,10 +44,10 @@ def test_a_clock_that_was_set_back(
     at = int(np.argmin(np.diff(both(after_s).angle_stamps_ns))) + 1
     for command in (["compare"], ["monitor", "--learn", "5"], ["replay", "--out", str(tmp_path / "out")]):
         assert main([command[0], str(bag), "--machine", "tufting", *command[1:]]) == code
-        told = capsys.readouterr()
+        printed = capsys.readouterr()
         said = f"at sample {at}, {after_s:.0f}" if code == 0 else f"at sample {at}, "
-        assert "a clock was set back: the stamps go back by 3599.99" in told.err + told.out
-        assert said in told.err + told.out and told.err.count("\n") <= 2
+        assert "a clock was set back: the stamps go back by 3599.99" in printed.err + printed.out
+        assert said in printed.err + printed.out and printed.err.count("\n") <= 2
 
 
 def test_discarded_samples_of_a_clock_set_back_are_of_one_part(
@@ -64,8 +64,8 @@ def test_a_torque_whose_clock_was_set_back_alone(
 ) -> None:
     bag = write(tmp_path / "bag", replace(MADE, torque_stamps_ns=set_back(MADE.torque_stamps_ns, 16.0)))
     assert main([command[0], str(bag), "--machine", "tufting", *command[1:]]) == 0
-    told = capsys.readouterr()
-    assert (told.err + told.out).count("/balancing_torque/measured") == 1
+    printed = capsys.readouterr()
+    assert (printed.err + printed.out).count("/balancing_torque/measured") == 1
 
 
 @pytest.mark.parametrize("which", ["torque", "angle", "both"])
@@ -87,10 +87,10 @@ def test_a_clock_that_was_set_back_by_some_seconds_gives_no_verdict(
 def test_a_replay_discards_torque_as_the_other_commands_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["--machine", "tufting", "--out", str(tmp_path / "out"), "--force"]
     assert main(["replay", str(write(tmp_path / "bag", both(8.0))), *arguments, "--skip-bad-samples"]) == 0
-    told = capsys.readouterr()
-    (line,) = (line for line in told.out.splitlines() if line.startswith("/balancing_torque/residual"))
+    printed = capsys.readouterr()
+    (line,) = (line for line in printed.out.splitlines() if line.startswith("/balancing_torque/residual"))
     after = np.count_nonzero(MADE.torque_stamps_ns - MADE.angle_stamps_ns[0] > 8_000_000_000)
-    assert int(line.split()[1]) > 0.95 * after and told.err == ""
+    assert int(line.split()[1]) > 0.95 * after and printed.err == ""
     alone = replace(MADE, torque_stamps_ns=set_back(MADE.torque_stamps_ns, 16.0))
     assert main(["replay", str(write(tmp_path / "alone", alone)), *arguments]) == 0
     assert capsys.readouterr().err.count("\n") == 1

@@ -39,17 +39,17 @@ def test_a_folder_is_watched_alike_by_one_process_and_by_two(
     folder.mkdir()
     write(folder / "b_healthy", "", 0.0, 991)
     write(folder / "a_friction.mcap", "friction", 1.2, 992)
-    tables, told = [], []
+    tables, rows = [], []
     for workers in ("1", "2"):
         table, alarms = tmp_path / f"{workers}.parquet", tmp_path / f"{workers}.json"
         options = ["--machine", "tufting", "--learn", "40", "--workers", workers]
         code = main(["monitor", str(folder), *options, "--parquet", str(table), "--json", str(alarms)])
         assert code == 3
         tables.append(parquet.read_table(table))
-        told.append(json.loads(alarms.read_text()))
-    assert alike(tables[0].to_pydict(), tables[1].to_pydict()) and alike(told[0], told[1])
-    assert [len(each["alarms"]) for each in told[0]] == [1, 0]
-    assert told[0][0]["alarms"][0]["kind"] == "constant_torque"
+        rows.append(json.loads(alarms.read_text()))
+    assert alike(tables[0].to_pydict(), tables[1].to_pydict()) and alike(rows[0], rows[1])
+    assert [len(each["alarms"]) for each in rows[0]] == [1, 0]
+    assert rows[0][0]["alarms"][0]["kind"] == "constant_torque"
     assert {"bag", "turn", "stamp_ns", "rms_Nm", "load_force_size"} <= set(tables[0].column_names)
 
 
@@ -105,11 +105,11 @@ def test_a_truncated_recording_is_reported(tmp_path: Path, capsys: pytest.Captur
     write(tmp_path / "whole.mcap", "", 0.0, 991)
     written = (tmp_path / "whole.mcap").read_bytes()
     (tmp_path / "cut.mcap").write_bytes(written[: len(written) - 3000])
-    given = ["monitor", str(tmp_path / "cut.mcap"), "--machine", "tufting", "--json", str(tmp_path / "told.json")]
+    given = ["monitor", str(tmp_path / "cut.mcap"), "--machine", "tufting", "--json", str(tmp_path / "rows.json")]
     assert main([*given, "--learn", "40"]) == 0
     capsys.readouterr()
-    (told,) = json.loads((tmp_path / "told.json").read_text())
-    assert ["cut.mcap: the recording was cut off" in note for note in told["notes"]] == [True] and not told["error"]
+    (rows,) = json.loads((tmp_path / "rows.json").read_text())
+    assert ["cut.mcap: the recording was cut off" in note for note in rows["notes"]] == [True] and not rows["error"]
 
 
 def test_few_turns_to_learn_from_are_enough_to_be_alarmed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -125,9 +125,9 @@ def test_few_turns_to_learn_from_are_enough_to_be_alarmed(tmp_path: Path, capsys
     assert main(["monitor", *given, *options, "--json", str(tmp_path / "alarms.json")]) == 3
     out, err = capsys.readouterr()
     assert f"{tmp_path}/new/bag: " in out and out.count("8 learnt") == 2 and "RuntimeWarning" not in err
-    told = {each["bag"]: each["alarms"] for each in json.loads((tmp_path / "alarms.json").read_text())}
-    assert [alarm["kind"] for alarm in told[f"{tmp_path}/new/bag"]] == ["constant_torque"]
-    assert not told[f"{tmp_path}/old/bag"]
+    rows = {each["bag"]: each["alarms"] for each in json.loads((tmp_path / "alarms.json").read_text())}
+    assert [alarm["kind"] for alarm in rows[f"{tmp_path}/new/bag"]] == ["constant_torque"]
+    assert not rows[f"{tmp_path}/old/bag"]
     at = re.search(r"alarm at ([0-9.]+) s", out)
     assert at is not None and 18.0 < float(at[1]) < 22.0, out  # onset at 18 s
     assert set(parquet.read_table(table)["bag"].to_pylist()) == {f"{tmp_path}/{place}/bag" for place in ("old", "new")}

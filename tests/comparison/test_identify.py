@@ -56,9 +56,9 @@ def test_a_run_up_determines_every_parameter_of_the_tufting_machine() -> None:
     # the shaft begins at rest, where an offset is no friction
     low, high = found.parameters["torque_sensor_offset_Nm"].interval95
     assert low < 0.0 < high < 0.05
-    told = found.to_json()
-    assert told["not_identifiable"] == []
-    assert set(told["parameters"]["backing_force_N"]) == {"value", "sigma", "interval95"}
+    numbers = found.to_json()
+    assert numbers["not_identifiable"] == []
+    assert set(numbers["parameters"]["backing_force_N"]) == {"value", "sigma", "interval95"}
     backing = found.machine.loads[0]
     assert isinstance(backing, declared.Backing)
     assert backing.entry_plane_m == pytest.approx(0.5572, abs=2e-5)

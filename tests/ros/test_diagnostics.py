@@ -69,7 +69,7 @@ def test_publishers_are_reported_by_their_names_which_may_come_late(
 
 def test_who_has_just_started_may_not_know_yet_who_publishes(suite: Suite, monkeypatch: pytest.MonkeyPatch) -> None:
     node = suite.node()
-    for started, words in ((math.inf, "no publisher found there yet"), (-math.inf, "nobody publishes there")):
+    for started, words in ((math.inf, "no publisher found there yet"), (-math.inf, "no node publishes there")):
         monkeypatch.setattr(endpoints, "STARTED", started)
         assert describe_publishers(node, "torque", WRENCH) == words
 
@@ -77,7 +77,7 @@ def test_who_has_just_started_may_not_know_yet_who_publishes(suite: Suite, monke
 def test_the_rate_is_that_of_the_last_second(suite: Suite, monkeypatch: pytest.MonkeyPatch) -> None:
     now = [0.0]
     monkeypatch.setattr(diagnostics, "time", SimpleNamespace(monotonic=lambda: now[0]))
-    watch = InputWatch(suite.node(), "/angle", lambda: 2.0, lambda: "nobody publishes there")
+    watch = InputWatch(suite.node(), "/angle", lambda: 2.0, lambda: "no node publishes there")
     states = []
     for look in range(12):
         now[0] += 0.5
@@ -91,7 +91,7 @@ def test_silence_that_lasts_is_reported_ever_more_seldom(
 ) -> None:
     now = [0.0]
     monkeypatch.setattr(diagnostics, "time", SimpleNamespace(monotonic=lambda: now[0]))
-    watch = InputWatch(suite.node(), "/angle", lambda: 2.0, lambda: "nobody publishes there")
+    watch = InputWatch(suite.node(), "/angle", lambda: 2.0, lambda: "no node publishes there")
     watch.took()
 
     def silences(hours: float) -> list[float]:

@@ -77,7 +77,7 @@ def test_silence_is_reported(suite: Suite) -> None:
     suite.spin_until(
         lambda: all(
             words in bench.diagnostics.get("main_shaft/angle", DiagnosticStatus()).message
-            for words in ("no data", "nobody publishes")
+            for words in ("no data", "no node publishes")
         ),
         "diagnostics of the silence",
     )

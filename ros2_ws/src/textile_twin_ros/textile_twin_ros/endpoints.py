@@ -118,8 +118,8 @@ def describe_publishers(node: Node, topic: str, msgtype: str) -> str:
     elsewhere.sort(key=lambda name: (name.rpartition("/")[2] != ending, name))  # perhaps another namespace is meant
     more = f" and {len(elsewhere) - _NAMED} more" if len(elsewhere) > _NAMED else ""
     seen = f"; {msgtype} is published on {', '.join(elsewhere[:_NAMED])}{more}" if elsewhere else ""
-    nobody = "nobody publishes there" if time.monotonic() - STARTED > _DISCOVERY_S else "no publisher found there yet"
-    return f"{nobody}{seen}"
+    silent = "no node publishes there" if time.monotonic() - STARTED > _DISCOVERY_S else "no publisher found there yet"
+    return f"{silent}{seen}"
 
 
 def publisher_name(info: TopicEndpointInfo) -> str:
