@@ -66,7 +66,8 @@ def compiled(
 
     Args:
         function: A loop over numbers and arrays; it may call other compiled functions.
-        inlined: Put the function into its callers.
+        inlined: Put the function into its callers: a small one, or a large one called once, which would be compiled
+            again with each function above it.
         apart: Promise that no two of its arrays share memory, so that loops over several arrays can be vectorised.
         abreast: Vectors side by side in a loop, a power of two; 0 leaves it to LLVM.
         wide: Numbers in a vector, a power of two; 0 leaves it to LLVM.
@@ -79,7 +80,8 @@ def compiled(
         say_once(f"loops run uncompiled, some hundred times slower: {_LACKING}; install numba")
         return function
     if internals is None:
-        dispatcher = numba.njit(function, forceinline=inlined, **_OPTIONS)
+        inline = "always" if inlined else "never"
+        dispatcher = numba.njit(function, inline=inline, _nrt=counted, no_cfunc_wrapper=True, **_OPTIONS)
     else:
         vectors = internals.Vectors(abreast, wide)
         dispatcher = internals.Program(function, apart, vectors, forceinline=inlined, _nrt=counted, **_OPTIONS)

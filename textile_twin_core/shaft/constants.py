@@ -83,7 +83,7 @@ KEEP: Final = 0.95  # .. and to keep it
 
 # Figure of the model of 24 orders: impacts and gears 0.6 to 1.8 without, 0.03 to 0.04 with (causal).
 HIGH_ORDERS: Final = 0.75  # part of the time with high orders: 700 readings in a row at first
-UNBIASED: Final = int(np.argmin(np.abs(layout.MEMORIES[: layout.END[layout.PLAIN]] - 1.0)))
+UNBIASED: Final = layout.numbers(layout.COUNT)[np.argmin(np.abs(layout.MEMORIES[: layout.END[layout.PLAIN]] - 1.0))]
 """Index of the plain filter with a memory of one sample: ripple biases longer memories, shorter ones are noisy."""
 
 # Samples --------------------------------------------------------------------------------------------------------------

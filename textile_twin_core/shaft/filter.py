@@ -9,6 +9,7 @@ states with textbook filters tuned to each record, test_accuracy.py with known m
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -86,7 +87,7 @@ def run_filter(record: Records, block: Block, table: Records) -> int:
     return count
 
 
-@compiled_in_place
+@partial(compiled_in_place, inlined=True)
 def process_sample(record: Records, block: Block, i: int, row: FilterRow) -> bool:
     """Filter sample `i` of a block and fill its row; return whether it was accepted.
 
@@ -137,7 +138,7 @@ def process_sample(record: Records, block: Block, i: int, row: FilterRow) -> boo
     return True
 
 
-@compiled_in_place
+@partial(compiled_in_place, inlined=True)
 def _process_reading(record: Records, step: float, raw: float, row: FilterRow) -> None:
     """Process a reading from the third on, `raw` [rad] before unwrapping, `step` [s] after the one before."""
     status: FilterStatus = record[0]
@@ -221,7 +222,7 @@ def _classify_reading(
     return copied
 
 
-@compiled_in_place
+@partial(compiled_in_place, inlined=True)
 def _predict(status: FilterStatus, step: float, repeated: float, copied: bool, row: FilterRow) -> float:
     """Predict the reading of a row in all filters of the active models; set and return its variance [rad^2]."""
     bank, sampling, track, noise = status.bank, status.sampling, status.track, status.noise
@@ -249,7 +250,7 @@ def _predict(status: FilterStatus, step: float, repeated: float, copied: bool, r
     return variance
 
 
-@compiled_in_place
+@partial(compiled_in_place, inlined=True)
 def _passes_gate(record: Records, reading: float, innovation: float, step: float, row: FilterRow) -> bool:
     """Return whether a reading is used: all filters find it probable, or it belongs to a manoeuvre."""
     status: FilterStatus = record[0]
@@ -264,7 +265,7 @@ def _passes_gate(record: Records, reading: float, innovation: float, step: float
     return outlier_gate.accept_manoeuvre(record, reading, innovation, step, row)
 
 
-@compiled_in_place
+@partial(compiled_in_place, inlined=True)
 def _update(status: FilterStatus, innovation: float, repeated: float, variance: float, row: FilterRow) -> bool:
     """Update filters, model probabilities and residual orders with an accepted reading; return whether it turns."""
     bank, gate, sampling, track, noise = status.bank, status.gate, status.sampling, status.track, status.noise

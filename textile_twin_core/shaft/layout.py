@@ -26,7 +26,6 @@ _STARTS = tuple(VECTOR * count for count in _VECTORS)
 FIRST: Final = _STARTS[:-1]  # index of each model's first filter
 END: Final = tuple(first + len(memories) for first, memories in zip(FIRST, _MEMORIES_BY_MODEL, strict=True))
 # end of the model's last vector, in which some filters may be unused: computed, of probability 0
-# end of the model's last vector, in which some filters may be unused: computed, of probability 0
 STOP: Final = _STARTS[1:]
 COUNT: Final = _STARTS[-1] + VECTOR  # with one vector for the smoother's filter
 MEMORIES: Final = np.ones(COUNT)
@@ -43,7 +42,6 @@ def numbers(count: int) -> list[int]:
 
 
 PLAIN: Final = numbers(1)[0]  # the model without ripple
-# the model of high orders, which costs most: active only where such orders are detected
 # the model of high orders, which costs most: active only where such orders are detected
 HIGH: Final = numbers(MODELS)[-1]
 USUAL_WAVES: Final = MOST_WAVES[-2]  # orders of the largest of the other models

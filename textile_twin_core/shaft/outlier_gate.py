@@ -91,7 +91,7 @@ def initiate(status: FilterStatus, step: float, angle: float, rate: float, row: 
         initial[layout.L21], initial[layout.L22] = 0.0, math.sqrt(variance)
     filters.scale[UNBIASED] = filters.recent_scale[UNBIASED] = filters.scale_before[UNBIASED] = 1.0
     filters.scale_samples[UNBIASED] = FIRST_SCALE_WEIGHT
-    filter_bank.begin_model(status.bank, layout.PLAIN, layout.PLAIN, UNBIASED, 0)
+    filter_bank.begin_model(status.bank, layout.PLAIN, layout.PLAIN, UNBIASED, layout.MOST_WAVES[layout.PLAIN])
     models.active[:] = models.mode_probability[:] = models.idle[:] = 0.0
     models.active[0], models.mode_probability[0], models.leading, models.next_idle[:] = 1.0, 1.0, 0, FIRST_IDLE
     sampling.since = models.ripple_tried = gate.rejected_run = gate.unconfirmed = gate.clean = 0.0
