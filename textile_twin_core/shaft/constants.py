@@ -72,9 +72,6 @@ LONGEST_IDLE: Final = 256.0  # .. up to this
 SIMPLER_IDLE: Final = 0.25  # part of that for models of fewer orders: needless orders disturb the acceleration
 FASTEST_IDLE: Final = 32.0  # factor by which suspensions shorten at most where memory is short
 
-# Rule "restart at twice the speed": public 1.103 and 1.107 (causal), a small robot's motor 1.10 and 1.07.
-RESTART_SPEED: Final = 2.0  # ratio to its first speed at which a model is reset: it took the run-up for ripple
-
 # Origin: 2 samples a wave (Nyquist) and a margin. Figure: four orders at 7.3 readings a turn 0.11, where all fit 0.02.
 SAMPLES_PER_WAVE: Final = 2.3  # needed by a model's highest order
 EDGES_PER_WAVE: Final = 3.0  # the same for edges of teeth, which sample nearly the same angles in each turn
@@ -196,11 +193,6 @@ SIGNIFICANT: Final = 7.0  # times the mean power of white residuals in an order
 HIGH_SIGNIFICANT: Final = 14.0  # the same for orders above the usual ones
 ABOVE_SENSOR: Final = 20.0  # times the sensor's power; 15 rad/s^2 in 1 record of 100 at 10 times
 
-# Rule "tail beyond the model": no public record.
-TAIL_ORDERS: Final = 3  # highest modelled orders that predict those beyond, and as many before them, for their fall
-TAIL_SAMPLES: Final = 10_000.0  # samples over which the observed part of the tail is averaged
-CHANCE: Final = 4.0  # times the mean power of white residuals that chance adds to an order: 1 case of 50
-ENDED: Final = 0.2  # observed part of the tail below which the ripple ends with the modelled orders
 FALL: Final = (np.arange(ORDERS) / np.arange(1.0, ORDERS + 1.0)) ** 6
 """Fall of the angle's power from one order to the next: the orders of a torque with steps fall as 1 / k."""
 
@@ -255,10 +247,6 @@ MODEL_PARTS: Final = 32  # parts of a long stretch ..
 MODEL_ROWS: Final = 256  # .. and rows of each, that suffice to select its model
 OVERLAP: Final = 512  # rows on either side of a part that are smoothed along with it
 FEWEST_ROWS: Final = 4  # rows below which a stretch keeps the filter's states
-
-# Rule "first memories from the next rows": public 0.909 and 0.908 (smooth), another robot's wheels 1.00 and 0.96.
-PENALTY: Final = 0.5  # log-likelihood for each row with a memory of its own
-CONVERGENCE: Final = 128  # first rows of a stretch, in which the bank may not have converged
 
 # Pitch errors of teeth. Figure: engine, learnt by `smooth` 0.24 mrad, raw 2.07.
 PITCH_PASSES: Final = 4  # smoothing passes whose residuals correct the teeth's pitch errors

@@ -19,7 +19,6 @@ from textile_twin_core.shaft.constants import (
     LONGEST_TRIAL,
     MINOR,
     MODEL_SWITCH,
-    RESTART_SPEED,
     SAMPLES_PER_WAVE,
     SECOND_ORDER_EVERY,
     SEEN_CYCLES,
@@ -62,38 +61,29 @@ def _turns_remembered(models: Models, move: float) -> float:
 def begin_or_suspend(
     bank: Bank, orders: Orders, sampling: Sampling, track: Mixture, noise: Noise, f: int, turned: float
 ) -> None:
-    """Start, resize or suspend a model with ripple, `turned` [rad] after the last sample.
-
-    A probable model does not restart at a higher speed: its ripple stays as a first guess.
-    """
+    """Start, resize or suspend a model with ripple, `turned` [rad] after the last sample."""
     models, lowest = bank.models, bank.wave.lowest
-    speed, improbable = abs(track.speed), models.mode_probability[f] <= IMPROBABLE
-    if improbable or f != models.leading:
+    if models.mode_probability[f] <= IMPROBABLE or f != models.leading:
         idle = models.idle[f] > 0.0
         pace = min(max(1.0 / _turns_remembered(models, sampling.move), 1.0), FASTEST_IDLE) if idle else 1.0
         models.idle[f] -= turned * pace
     else:
         models.idle[f], models.next_idle[f] = 0.0, FIRST_IDLE
-    faster = speed > RESTART_SPEED * models.start_speed[f]
-    working = models.active[f] > 0.0 and not (improbable and faster)
     resolved = resolved_waves(bank, sampling, f, BEGIN) >= layout.LEAST_WAVES[f]
     wanted = f < layout.HIGH or orders.high_orders > HIGH_ORDERS
+    working = models.active[f] > 0.0
     if not working and resolved and models.idle[f] <= 0.0 and wanted:
         _begin(bank, sampling, f)
         models.active[f], models.idle[f], models.travelled[f], models.mode_probability[f] = 1.0, 0.0, 0.0, 0.0
-        models.start_speed[f] = max(speed, standstill_speed(noise, track.speed, sampling.interval))
+        models.start_speed[f] = max(abs(track.speed), standstill_speed(noise, track.speed, sampling.interval))
         models.start_angle[f] = track.angle
-    elif models.active[f] > 0.0 and resolved_waves(bank, sampling, f, KEEP) < layout.LEAST_WAVES[f]:
+    elif working and resolved_waves(bank, sampling, f, KEEP) < layout.LEAST_WAVES[f]:
         _withdraw(models, f)
         models.active[f] = 0.0
-    elif models.active[f] > 0.0 and models.idle[f] * lowest < -TRIAL_CYCLES * TURN:
+    elif working and models.idle[f] * lowest < -TRIAL_CYCLES * TURN:
         _end_trial(bank, orders, sampling, f)
     if working and models.active[f] > 0.0:
-        _fit_waves(bank, sampling, f, turned, is_observed(bank, f) and not faster)
-        if faster:
-            filter_bank.reset_ripple_covariance(bank, f, 0)
-            _withdraw(models, f)
-            models.start_speed[f], models.start_angle[f], models.travelled[f] = speed, track.angle, 0.0
+        _fit_waves(bank, sampling, f, turned)
 
 
 @compiled_in_place
@@ -131,7 +121,7 @@ def _end_trial(bank: Bank, orders: Orders, sampling: Sampling, f: int) -> None:
 
 
 @compiled_in_place
-def _fit_waves(bank: Bank, sampling: Sampling, f: int, turned: float, known: bool) -> None:
+def _fit_waves(bank: Bank, sampling: Sampling, f: int, turned: float) -> None:
     """Adjust the number of orders to the readings per turn.
 
     New orders start late: an order that is not known yet would absorb part of a stop.
@@ -139,7 +129,7 @@ def _fit_waves(bank: Bank, sampling: Sampling, f: int, turned: float, known: boo
     models = bank.models
     waves, more = models.waves[f], resolved_waves(bank, sampling, f, BEGIN)
     models.resolved_angle[f] = models.resolved_angle[f] + turned if more > waves else 0.0
-    if not known:
+    if not is_observed(bank, f):
         waves = max(min(waves, resolved_waves(bank, sampling, f, KEEP)), more)
     elif models.resolved_angle[f] * bank.wave.lowest >= SEEN_CYCLES * TURN:
         waves = more
