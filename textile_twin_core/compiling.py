@@ -80,8 +80,7 @@ def compiled(
         say_once(f"loops run uncompiled, some hundred times slower: {_LACKING}; install numba")
         return function
     if internals is None:
-        inline = "always" if inlined else "never"
-        dispatcher = numba.njit(function, inline=inline, _nrt=counted, no_cfunc_wrapper=True, **_OPTIONS)
+        dispatcher = numba.njit(function, inline="always" if inlined else "never", **_OPTIONS)
     else:
         vectors = internals.Vectors(abreast, wide)
         dispatcher = internals.Program(function, apart, vectors, forceinline=inlined, _nrt=counted, **_OPTIONS)
