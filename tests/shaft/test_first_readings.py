@@ -47,7 +47,7 @@ def test_smooth_rejects_copies_of_readings(period_s: float) -> None:
     estimator.step(time, np.floor((17.0 * measured - 2.0 * np.cos(measured)) / step) * step % TURN)
     states = estimator.finish()
     off = states.omega_rad_s - 17.0 - 2.0 * np.sin(time[states.index])
-    assert np.abs(off[states.index > 10]).max() < 2.0
+    assert np.abs(off[states.index > 10]).max() < 1.1
 
 
 @pytest.mark.parametrize("view", ["lag", "smooth"])

@@ -248,6 +248,10 @@ MODEL_ROWS: Final = 256  # .. and rows of each, that suffice to select its model
 OVERLAP: Final = 512  # rows on either side of a part that are smoothed along with it
 FEWEST_ROWS: Final = 4  # rows below which a stretch keeps the filter's states
 
+# Rule "first memories from the next rows": public 0.896 and 0.897 (smooth); an inertia under a stiff controller 5 % off.
+PENALTY: Final = 0.5  # log-likelihood for each row with a memory of its own
+CONVERGENCE: Final = 128  # first rows of a stretch, in which the bank may not have converged
+
 # Pitch errors of teeth. Figure: engine, learnt by `smooth` 0.24 mrad, raw 2.07.
 PITCH_PASSES: Final = 4  # smoothing passes whose residuals correct the teeth's pitch errors
 LEAST_LEFT: Final = 1e-4  # least part of the readings' variance without pitch errors

@@ -13,6 +13,7 @@ from textile_twin_core.shaft.clock import set_second
 from textile_twin_core.shaft.constants import (
     BETTER,
     CHANGED,
+    CONVERGENCE,
     FEWEST_HELD,
     FEWEST_ROWS,
     FINEST_RAD2,
@@ -33,6 +34,7 @@ from textile_twin_core.shaft.constants import (
     MOST_KNOWN,
     NORMAL_MEDIAN,
     OVERLAP,
+    PENALTY,
     PITCH_PASSES,
     REPEATING,
     SEEN_CYCLES,
@@ -142,6 +144,8 @@ class SmoothEstimator(ShaftEstimator):
             _reject_copies(rows, float(self._status["repeats"]["longest"][0]))
         cuts = np.flatnonzero(rows["cut"] >= STRETCH).tolist()
         stretches = [rows[first:end] for first, end in pairwise([*cuts, len(rows)])]
+        for stretch in stretches:
+            self._choose_first_memories(stretch[: 2 * CONVERGENCE + 1])
         wheel = self._wheel
         self._noise_factor = 1.0
         passes = PITCH_PASSES if wheel is not None and wheel.learning and rows.size else 0
@@ -154,6 +158,18 @@ class SmoothEstimator(ShaftEstimator):
         weight = np.array(FIRST_WEIGHT)
         scale_covariances(weight, rows)
         adopt_weight(self._status, self._noise_factor * weight)
+
+    def _choose_first_memories(self, rows: Records) -> None:
+        """Set memories of the first half of rows to the second half's shortest, unless the bank's are much likelier."""
+        if len(rows) < FEWEST_ROWS:
+            return
+        first, smoother = len(rows) // 2, new_smoother(self._settings, len(rows))
+        own, fits = rows["memory"][:first].copy(), []
+        for memories in (own, np.min(rows["memory"][first:], axis=0)):
+            rows["memory"][:first] = memories
+            fits.append(smooth_model(smoother, self._known[-1]["bank"][0], layout.PLAIN, rows, 1, 0))
+        if fits[0] > fits[1] + PENALTY * first:
+            rows["memory"][:first] = own
 
     def _learn_wheel(self, wheel: ToothWheel, rows: Records, first: bool) -> None:
         """Remove pitch errors from the readings; at first also from their noise and from the stored ripples."""
