@@ -248,7 +248,7 @@ MODEL_ROWS: Final = 256  # .. and rows of each, that suffice to select its model
 OVERLAP: Final = 512  # rows on either side of a part that are smoothed along with it
 FEWEST_ROWS: Final = 4  # rows below which a stretch keeps the filter's states
 
-# Rule "first memories from the next rows": public 0.896 and 0.897 (smooth); an inertia under a stiff controller 5 % off.
+# Rule "first memories from the next rows": public 0.897 with; an inertia under a stiff controller 5 % off without.
 PENALTY: Final = 0.5  # log-likelihood for each row with a memory of its own
 CONVERGENCE: Final = 128  # first rows of a stretch, in which the bank may not have converged
 
