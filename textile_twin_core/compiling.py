@@ -66,8 +66,8 @@ def compiled(
 
     Args:
         function: A loop over numbers and arrays; it may call other compiled functions.
-        inlined: Put the function into its callers: a small one, or a large one called once, which would be compiled
-            again with each function above it.
+        inlined: Put the function into its callers: for small functions, and for large ones with few callers. Numba's
+            public interface compiles a large function again for each compiled function above it, unless it is inlined.
         apart: Promise that no two of its arrays share memory, so that loops over several arrays can be vectorised.
         abreast: Vectors side by side in a loop, a power of two; 0 leaves it to LLVM.
         wide: Numbers in a vector, a power of two; 0 leaves it to LLVM.
@@ -226,7 +226,7 @@ _UNUSED_S: Final = 90 * 86_400
 _VERSIONS: Final = (
     sys.implementation.cache_tag,
     getattr(numba, "__version__", None),
-    getattr(internals, "SUPPORTED", "plain"),
+    getattr(internals, "SUPPORTED", "plain, inlined by numba"),
     sorted(_OPTIONS),
 )
 

@@ -29,13 +29,13 @@ HALF_JERK: Final = math.sqrt(1.0 / 12.0)
 LAST_JERK: Final = math.sqrt(1.0 / 720.0)
 
 # Origin: a motion changes a few times in 1000 samples; memories share by use (Bousquet and Warmuth 2002). Figure of
-# 4e-3 and 2e-2 instead of 1e-3: public 1.094, 1.076 (causal; 1.107 at 1e-3), 1.352, 1.372 (lag; 1.341), but late
+# 4e-3 and 2e-2 instead of 1e-3: public 1.094, 1.076 (causal; then 1.107), 1.352, 1.372 (lag; then 1.341), but late
 # stamps of a host become motion: at 2e-2 the speed of a shaft of 20 rad/s is off by up to 8 rad/s, at 1e-3 by under 2.
 MEMORY_SWITCH: Final = 1e-3  # probability of a switch from one memory to another at each sample
 UNIFORM_PART: Final = 0.01  # part of it for all memories alike; the remainder follows their use
 USAGE_SAMPLES: Final = 300.0  # samples over which a memory's probability is averaged as its use
 
-# Origin: test of a change by cumulated likelihood (Page 1954). No figure.
+# Origin: test of a change by cumulated likelihood (Page 1954). Public 1.113 and 1.102 (causal).
 RESTART_RATIO: Final = math.exp(-10.0)  # likelihood ratio to the model since its peak, below which a filter restarts
 RESTART_PROBABILITY: Final = 0.01  # probability below which a filter may restart
 
@@ -64,7 +64,7 @@ MINOR: Final = 0.05  # part of the greatest probability below which a filter doe
 SECOND_ORDER_EVERY: Final = 8.0  # samples between updates of g2, which changes slowly
 
 # Origin: saves time of models that do not lead. Rule "faster return": public 1.101 and 1.102 (causal).
-IMPROBABLE: Final = 0.05  # model probability up to which a model may be suspended or restarted
+IMPROBABLE: Final = 0.05  # model probability up to which a model may be suspended, and has no memory of its own
 TRIAL_CYCLES: Final = 8.0  # until suspension: of an improbable model, or one with more orders than the leading one ..
 LONGEST_TRIAL: Final = 32.0  # .. and of the latter while it is nearly as good
 FIRST_IDLE: Final = 16.0  # cycles of a suspension, which doubles each time ..
@@ -121,7 +121,7 @@ FINEST_RAD2: Final = 1e-14  # [rad^2] least measurement variance: float64 roundi
 FINEST_MOTION: Final = 1e-10  # [rad^2] least variance that the process noise is relative to
 FORGET_NOISE: Final = 0.9  # decay, per sample, of the noise that the process noise is relative to
 
-# Rule "correlated rounding": readings that share a rounding error (Widrow and Kollar 2008). No figure.
+# Rule "correlated rounding": readings that share a rounding error (Widrow and Kollar 2008). Public 1.112 and 1.102.
 MOST_CORRELATED: Final = 16.0  # maximum of `correlated`: a shaft at standstill stays within an encoder step for hours
 ROUNDED_APART: Final = 1.3  # encoder steps beyond the predicted move from which two rounding errors are uncorrelated
 MAX_STEP_INNOVATION: Final = 1.5  # innovation, in moves, up to which a rejected reading counts for the encoder's step
@@ -136,7 +136,7 @@ MOST_WHITE: Final = 2.0  # bound of jitter in estimates of white noise ..
 FORGET_WHITE: Final = 0.5  # .. and their decay per adaptation
 FORGET_SPEED: Final = 0.99  # decay of the full speed per adaptation
 
-# Rule "additive noise": resolvers, vibrating encoders. No figure.
+# Rule "additive noise": resolvers, vibrating encoders. Public 1.126 and 1.102 (causal).
 SMOOTH_MOVE: Final = TURN / 48.0  # [rad] per interval, up to which the shortest wave of ripple has at least 4 samples
 ADDITIVE_SAMPLES: Final = 100.0  # memory of the additive noise ..
 ADDITIVE_FEW: Final = 50.0  # .. and where a wave has fewer samples
@@ -174,11 +174,11 @@ NEARER: Final = 0.5  # ratio of distances from which a reading confirms a track:
 
 # Rule "equal innovations wait": public 1.115 and 1.102 (causal), a robot's wheels 1.08 and 1.04.
 SLIPPED: Final = 0.25  # part of an innovation by which innovations of a slipped encoder differ at most
-# Rule "no second slip": public 1.101 and 1.102 (causal); simulated polls of a controller 6 to 9 and 1.
+# Rule "no second slip": public 1.101 and 1.102 (causal); simulated polls of a controller: speed 6 to 9 without.
 SLIPS_APART: Final = 15.0  # samples between two slips in the same direction
 # Rule "runaway speed": no public record; speeds up to 1e112 in simulated records of few readings without.
 RUNAWAY: Final = 8.0  # ratio of the predicted to the mean measured move that no real shaft keeps up
-# Rule "false start": public 1.103 and 1.102 (causal); an outlier among the first two readings.
+# Rule "false start": public 1.103 and 1.102 (causal); simulated: speed wrong by a quarter without.
 FALSE_START: Final = 4.0  # innovation, in deviations from the line through the latest readings
 # Figure of a sensor's speed at initiation only: acceleration error 10 times larger if used later.
 SENSOR_SPEED_SIGMA: Final = 0.02  # relative standard deviation of a sensor's own speed
@@ -235,7 +235,7 @@ CLIPPED: Final = 0.9205  # mean of min(z^2, CLIP) of a normal z
 LEAST_REDUNDANCY: Final = 0.05
 BOUND: Final = 4.0  # of the factor and its inverse: exact readings promise nothing about later ones
 
-# Rule "ripple of each part": ripple that changes with the speed, 0.03 to 0.04 with. Without it: no figure.
+# Rule "ripple of each part": ripple that changes with the speed, 0.03 to 0.04 with. Public 0.896 and 0.896 (smooth).
 LOOK_EVERY: Final = 1024  # samples between two checks whether the ripple has changed
 FIRST_LOOK: Final = 128  # samples until the first check; the interval then doubles up to LOOK_EVERY
 CHANGED: Final = 0.25  # a change exceeds this part of a measurement's sigma ..
@@ -248,7 +248,7 @@ MODEL_ROWS: Final = 256  # .. and rows of each, that suffice to select its model
 OVERLAP: Final = 512  # rows on either side of a part that are smoothed along with it
 FEWEST_ROWS: Final = 4  # rows below which a stretch keeps the filter's states
 
-# Rule "first memories from the next rows": public 0.897 with; an inertia under a stiff controller 5 % off without.
+# Rule "first memories from the next rows": public 0.896 and 0.897 (smooth); an inertia 5 and 1 % off.
 PENALTY: Final = 0.5  # log-likelihood for each row with a memory of its own
 CONVERGENCE: Final = 128  # first rows of a stretch, in which the bank may not have converged
 

@@ -178,8 +178,9 @@ def _add_uncertain_higher_orders(
 ) -> None:
     """Add the motion of orders beyond the model to the uncertain variances, as far as the filter does not follow it.
 
-    A significant order counts with its observed power, any other with `motion`, the power of the highest modelled order
-    as far as that is partly the sensor's. `unfollowed` is the part of the motion that the filter does not follow.
+    A significant order counts with its observed power. Any other order counts with `motion`, which falls from order to
+    order by FALL, and at most with its own power. `motion` is the power of the highest modelled order, or 0 where no
+    order is the sensor's. `unfollowed` is the part of the motion that the filter does not follow.
     """
     white = _white_power(orders)
     resolved = 0.5 if sampling.edges > 0.0 else RESOLVED_SHARE
