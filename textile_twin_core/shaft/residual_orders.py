@@ -12,6 +12,8 @@ from textile_twin_core.shaft import layout
 from textile_twin_core.shaft.clock import set_basis_at
 from textile_twin_core.shaft.constants import (
     ABOVE_SENSOR,
+    CHANCE,
+    ENDED,
     FALL,
     FALLING,
     FEWEST_ORDERS,
@@ -27,6 +29,8 @@ from textile_twin_core.shaft.constants import (
     SCALE_SAMPLES,
     SECOND_ORDER_EVERY,
     SIGNIFICANT,
+    TAIL_ORDERS,
+    TAIL_SAMPLES,
 )
 from textile_twin_core.shaft.filter_bank import set_shaft_second
 from textile_twin_core.shaft.model_bank import samples_a_turn
@@ -169,7 +173,7 @@ def _part_orders(bank: Bank, orders: Orders, sampling: Sampling, f: int, unfollo
         bank.models.sensor_ripple[f, 2 * k] = part * bank.filters.ripple[2 * k, bank.models.best[f]]
         bank.models.sensor_ripple[f, 2 * k + 1] = part * bank.filters.ripple[2 * k + 1, bank.models.best[f]]
         _add_uncertain_order(bank, f, k, part * motion)
-    _add_uncertain_higher_orders(bank, orders, sampling, f, motion if orders.sensor_power > 0.0 else 0.0, unfollowed)
+    _add_uncertain_higher_orders(bank, orders, sampling, f, motion, unfollowed)
 
 
 @compiled_in_place
@@ -178,17 +182,27 @@ def _add_uncertain_higher_orders(
 ) -> None:
     """Add the motion of orders beyond the model to the uncertain variances, as far as the filter does not follow it.
 
-    A significant order counts with its observed power. Any other order counts with `motion`, which falls from order to
-    order by FALL, and at most with its own power. `motion` is the power of the highest modelled order, or 0 where no
-    order is the sensor's. `unfollowed` is the part of the motion that the filter does not follow.
+    A significant order counts with its observed power. Otherwise the highest modelled orders predict it: by `motion`
+    where they are partly the sensor's, else by their tail times its recently observed part. `unfollowed` is the part of
+    the motion that the filter does not follow.
     """
-    white = _white_power(orders)
+    white, fall, share, observed, expected = _white_power(orders), 1.0, 1.0, 0.0, 0.0
+    if orders.sensor_power == 0.0:
+        motion, fall = _tail(bank, orders, f)
+        share = (1.0 + orders.tail_observed) / (1.0 + orders.tail_expected)
+        share = min(share, 1.0) if share > ENDED else 0.0
     resolved = 0.5 if sampling.edges > 0.0 else RESOLVED_SHARE
     for k in range(bank.models.waves[f], _top(bank, sampling, resolved, _averaged_orders(bank.models, f))):
         own, power = _own_power(bank, orders, k), _power(bank, orders, f, k)
-        motion *= FALL[k]
+        motion *= FALL[k] * fall
+        observed += motion * (min(power, motion + CHANCE * white) - white) / white**2
+        expected += (motion / white) ** 2
         least = max(own * ABOVE_SENSOR, SIGNIFICANT * white)
-        _add_uncertain_order(bank, f, k, unfollowed * (power - own if power > least else min(motion, power)))
+        _add_uncertain_order(bank, f, k, unfollowed * (power - own if power > least else min(share * motion, power)))
+    if f == bank.models.leading and orders.sensor_power == 0.0:
+        gain, keep = SECOND_ORDER_EVERY / SCALE_SAMPLES, 1.0 - SECOND_ORDER_EVERY / TAIL_SAMPLES
+        orders.tail_observed = keep * orders.tail_observed + gain * observed
+        orders.tail_expected = keep * orders.tail_expected + gain * expected
 
 
 @compiled_in_place
@@ -198,6 +212,29 @@ def _add_uncertain_order(bank: Bank, f: int, k: int, power: float) -> None:
     bank.models.uncertain_power[f, 0] += 0.5 * power
     bank.models.uncertain_power[f, 1] += 0.5 * power * squared
     bank.models.uncertain_power[f, 2] += 0.5 * power * squared**2
+
+
+@compiled_in_place
+def _tail(bank: Bank, orders: Orders, f: int) -> tuple[float, float]:
+    """Predict the orders beyond the model: power of the next, and fall from each to the next beyond FALL.
+
+    The power is 0 where the highest modelled orders are insignificant, as the ripple ends before them. The fall is that
+    between the highest orders and those before.
+    """
+    last, m, power, before, variance = bank.models.waves[f], bank.models.best[f], 0.0, 0.0, 0.0
+    if last < 2 * TAIL_ORDERS:
+        return 0.0, 0.0
+    for k in range(last - 2 * TAIL_ORDERS, last):
+        weight = ((k + 1.0) / last) ** 6 / TAIL_ORDERS
+        if k < last - TAIL_ORDERS:
+            before += weight * _power(bank, orders, f, k)
+            continue
+        power += weight * _power(bank, orders, f, k)
+        for i in range(2 * k, 2 * k + 2):
+            for j in range(i + 1):
+                variance += weight * bank.filters.scale[m] * bank.filters.factor[j, i, m] ** 2
+    fall = min((power / before) ** (1.0 / TAIL_ORDERS), 1.0) if before > 0.0 else 1.0
+    return (power - variance) * fall if power > SIGNIFICANT * variance else 0.0, fall
 
 
 @compiled_in_place

@@ -121,6 +121,8 @@ class Orders:
     averaged_model: float  # recent leading model ..
     averaged_since: float  # .. and `used` when it began to lead
     average_weight: float
+    tail_observed: float  # power beyond the modelled orders ..
+    tail_expected: float  # .. and that predicted by the highest ones
     high_orders: float  # part of the time with orders above USUAL_WAVES
     reading_variance: float  # mean
     sensor_power: float  # of the sensor's errors in each order
