@@ -216,6 +216,23 @@ def test_the_metadata_of_a_bag_may_be_damaged(tmp_path: Path, capsys: pytest.Cap
     assert open_bag(tmp_path / "whole").message_count == 100
 
 
+def test_a_split_recording_without_one_of_its_files_is_recovered(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag, stamps = tmp_path / "bag", np.arange(1, 301)
+    with BagWriter(bag) as out:
+        for part in np.array_split(stamps, 3):
+            out.write_floats("x", part, part * 1.0)
+            out.split()
+    (bag / "bag_1.mcap").unlink()
+    with pytest.raises(RecordingError, match="textile-twin recover"):
+        open_bag(bag)
+    assert main(["recover", str(bag), "--out", str(tmp_path / "whole")]) == 0
+    assert "bag_1.mcap, which is not in the folder" in capsys.readouterr().err
+    times = [time for _, time, _ in open_bag(tmp_path / "whole").raw_messages()]
+    assert times == [*range(1, 101), *range(201, 301)]
+
+
 def test_what_is_no_recording_is_not_recovered(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "bag.mcap"
     for data in (b"", b"theta_rad\n" * 1000, Random(1).randbytes(100_000), bytes(100_000)):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from pyarrow import parquet
 from rosbags.highlevel import AnyReader
 from scipy.io import savemat
 
+from textile_twin_core.cli.import_log import parser
 from textile_twin_core.cli.main import main
 from textile_twin_core.recordings import open_bag
 from textile_twin_core.shaft import create_estimator
@@ -200,3 +202,32 @@ def test_a_speed_is_taken_that_is_the_angles(
     assert main(["import", str(tmp_path / "log.csv"), "--out", str(tmp_path / "bag")]) == 0
     assert ("left out: the angle turns" in capsys.readouterr().out) is not taken
     assert (open_bag(tmp_path / "bag").read_angles().velocities is not None) is taken
+
+
+_NOTHING = np.full(N, np.nan)
+_HALF = np.where(np.arange(N) < N // 2, 1.0, np.nan)
+
+
+@pytest.mark.parametrize(
+    ("names", "columns", "options"),
+    [
+        ("time_s,angle_rad,torque_Nm", (TIME, _NOTHING, TORQUE), ["--angle", "angle_rad"]),
+        ("time_s,angle_rad,torque_Nm", (TIME, ANGLE, _NOTHING), ["--torque", "torque_Nm"]),
+        ("time_s,angle_rad,torque_Nm", (TIME * _HALF, ANGLE, TORQUE * _HALF[::-1]), []),
+        ("time_s,angle_rad,torque_Nm", (TIME * _HALF, ANGLE * _HALF[::-1], TORQUE), []),
+        ("t_s,angle_rad,t2_s,torque_Nm", (TIME, ANGLE, TIME + 100.0, TORQUE), []),
+        ("time_s,angle_rad,second_rad", (TIME * _HALF, ANGLE, ANGLE * _HALF[::-1]), ["--second-angle", "second_rad"]),
+        ("time_s,angle_rad,sley_m", (TIME * _HALF, ANGLE, TORQUE * _HALF[::-1]), ["--quantity", "sley_m=sley_m"]),
+    ],
+)
+def test_columns_without_common_rows_are_one_line_with_options_that_exist(
+    tmp_path: Path, names: str, columns: tuple[np.ndarray, ...], options: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text(text(*columns, head=names + "\n"))
+    assert main(["import", str(path), "--out", str(tmp_path / "bag"), *options]) == 2
+    (line,) = [each for each in capsys.readouterr().err.splitlines() if each.strip()]
+    assert line.startswith("textile-twin: ") and "fault" not in line
+    known = {option for action in parser()._actions for option in action.option_strings}
+    advised = set(re.findall(r"--[a-z-]+", line))
+    assert advised <= known, line

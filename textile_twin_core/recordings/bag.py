@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -140,9 +141,8 @@ class Bag(Recording):
                 if columns is not None:
                     stamped = info.msgtype != FLOAT64
                     stamps = layout.stamps(block, chosen) if stamped else block.log_times_ns[chosen]
-                    published = block.log_times_ns if block.publish_times_ns is None else block.publish_times_ns
                     row: list[FloatArray | IntArray] = [stamps, *columns]
-                    in_block.append((chosen, row if stamped else [*row, published[chosen]]))
+                    in_block.append((chosen, row if stamped else [*row, block.published_ns[chosen]]))
             if len(in_block) > 1:
                 order = np.argsort(np.concatenate([chosen for chosen, _ in in_block]))
                 joined = zip(*(columns for _, columns in in_block), strict=True)
@@ -248,7 +248,12 @@ def open_bag(path: str | Path, salvage: bool = False) -> Bag:
     for name in names:
         place = _existing(path / Path(name).name)
         if place is None:
-            raise RecordingError(f"{path}: metadata.yaml names {name}, which is not in the folder; copy it there")
+            missing = f"metadata.yaml names {name}, which is not in the folder"
+            if salvage:
+                ignored.append(f"left out: {path}: {missing}")
+                continue
+            recover = f"textile-twin recover {shlex.quote(str(path))} --out DIR"
+            raise RecordingError(f"{path}: {missing}; copy it there, or make a recording of the others: {recover}")
         with _ignoring(DamageError, ignored, salvage):
             files.append(_file(place, path, salvage))
     return Bag(path, _by_time(files), custom_data, ignored)

@@ -124,25 +124,36 @@ class BagWriter(ArrayWriter):
         for block in bag.blocks(name, progress):
             self.write_block(topic.name, block)
 
-    def write(self, topic: str, log_time_ns: int, cdr: bytes) -> None:
-        """Append one serialised message to a declared topic."""
-        if log_time_ns < 0:
-            raise RecordingError(f"topic {_absolute(topic)}: log time {log_time_ns} ns; it must not be negative")
+    def write(self, topic: str, log_time_ns: int, cdr: bytes, publish_time_ns: int | None = None) -> None:
+        """Append one serialised message to a declared topic.
+
+        Args:
+            topic: Name of the topic.
+            log_time_ns: Time of reception.
+            cdr: The message.
+            publish_time_ns: Time of publishing; the log time by default.
+        """
+        published_ns = log_time_ns if publish_time_ns is None else publish_time_ns
+        if min(log_time_ns, published_ns) < 0:
+            raise RecordingError(
+                f"topic {_absolute(topic)}: log time {log_time_ns} ns, publish time {published_ns} ns; neither may be"
+                " negative"
+            )
         if self._is_full(log_time_ns):
             self.split()
             self._first_ns = log_time_ns
-        self._file.write(self._channel(topic), log_time_ns, cdr)
+        self._file.write(self._channel(topic), log_time_ns, published_ns, cdr)
         self._flush_when_due()
 
     def write_block(self, topic: str, block: MessageBlock) -> None:
         """Append a block of messages of another recording unchanged."""
-        channel = self._channel(topic)
+        channel, published = self._channel(topic), block.published_ns
         if len(block) and (block.sizes == block.sizes[0]).all():
             rows = gather(block.buffer, block.starts, f"V{int(block.sizes[0])}")
-            self._file.write_rows(channel, block.log_times_ns, rows.view(np.uint8).reshape(len(block), -1))
+            self._file.write_rows(channel, block.log_times_ns, published, rows.view(np.uint8).reshape(len(block), -1))
         else:
             for i in range(len(block)):
-                self._file.write(channel, int(block.log_times_ns[i]), block.message(i))
+                self._file.write(channel, int(block.log_times_ns[i]), int(published[i]), block.message(i))
         self._flush_when_due()
 
     def _write_rows(self, topic: str, msgtype: str, log_times_ns: IntArray, rows: Bytes) -> None:
@@ -154,7 +165,7 @@ class BagWriter(ArrayWriter):
                 " nanoseconds since 1970: none may be negative; add the same offset to all"
             )
         self.add_topic(topic, msgtype)
-        self._file.write_rows(self._channel(topic), times, rows)
+        self._file.write_rows(self._channel(topic), times, times, rows)
         self._flush_when_due()
 
     def _channel(self, topic: str) -> int:

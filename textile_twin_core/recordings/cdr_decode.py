@@ -39,6 +39,12 @@ class MessageBlock:
     def __len__(self) -> int:
         return len(self.starts)
 
+    @property
+    def published_ns(self) -> IntArray:
+        """Times of publishing [ns], the log times where the file has no valid ones."""
+        published = self.publish_times_ns
+        return self.log_times_ns if published is None else np.where(published > 0, published, self.log_times_ns)
+
     def message(self, i: int) -> bytes:
         """Return the CDR bytes of message i, with the 4 bytes of encapsulation."""
         start = int(self.starts[i])

@@ -129,8 +129,8 @@ def own_clock(
         unit = clock.unit if name_stem(own) == name_stem(clock.column) else ""
         return _completed(table, mapping, Clock(own, unit))
     raise RecordingError(
-        f"{between} and counts otherwise than '{clock.column}'; tell whose times are those of '{channel.column}':"
-        f" --{option}-time '{clock.column}' or '{own}'"
+        f"{between} and counts otherwise than '{clock.column}'; state which of the two is the time of"
+        f" '{channel.column}': {'--torque-time COLUMN' if option == 'torque' else 'its `time` in the --mapping file'}"
     )
 
 

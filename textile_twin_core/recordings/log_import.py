@@ -174,10 +174,17 @@ class _Import:
         """Return stamps (m,) of the rows (n,) that have a time and a value, and the mask of these."""
         if values.size != seconds.size:
             raise RecordingError(
-                f"{values.size} values, but {seconds.size} times in column '{clock.column}'; name their own with"
-                f" --{kind}-time"
+                f"{values.size} values, but {seconds.size} times in column '{clock.column}'; name the column of their"
+                f" times: {_own_times_option(kind)}"
             )
         known = np.isfinite(values)
+        if not known.any():
+            raise RecordingError(f"the {kind} has no number in any row; name another column, or import without it")
+        if not np.isfinite(seconds[known]).any():
+            raise RecordingError(
+                f"no row has both a time and a value of the {kind}; name the column of its times:"
+                f" {_own_times_option(kind)}"
+            )
         stamps, timed = self._stamps(np.where(known, seconds, np.nan), clock, "time" if kind == "angle" else kind)
         return stamps, timed & known
 
@@ -306,6 +313,13 @@ def _write_raw(table: LogTable, stamps: IntArray, raw: RawChannels, out: BagWrit
         at, torque = force_torque(raw.machine, raw.measure, known, stamps, force, raw.zero_at_rad)
         out.write_wrenches("balancing_torque/measured", at, torque)
         taken["torque"] = f"column '{raw.force}', {raw.newton:g} N per unit along {raw.measure}"
+
+
+def _own_times_option(kind: str) -> str:
+    """Describe how to name the column of the times of a channel."""
+    if kind == "angle":
+        return "--time COLUMN"
+    return "--torque-time COLUMN" if kind == "torque" else f"`time: {{column: NAME}}` of '{kind}' in the --mapping file"
 
 
 def _empty(here: BoolArray) -> str:

@@ -38,22 +38,24 @@ class PendingChunk:
         self._singles: dict[int, list[int]] = {}
         """Log time and offset, alternating, of messages added one by one."""
 
-    def add(self, channel: int, sequence: int, log_time_ns: int, cdr: bytes) -> None:
+    def add(self, channel: int, sequence: int, log_time_ns: int, publish_time_ns: int, cdr: bytes) -> None:
         """Append one message."""
         self._singles.setdefault(channel, []).extend((log_time_ns, len(self.data)))
         length = MESSAGE_HEAD_BYTES - 9 + len(cdr)
-        self.data += _HEAD(Opcode.MESSAGE, length, channel, sequence & 0xFFFFFFFF, log_time_ns, log_time_ns)
+        self.data += _HEAD(Opcode.MESSAGE, length, channel, sequence & 0xFFFFFFFF, log_time_ns, publish_time_ns)
         self.data += cdr
         self._reach(log_time_ns, log_time_ns)
 
-    def add_rows(self, channel: int, sequence: int, log_times_ns: IntArray, rows: Bytes) -> None:
-        """Append messages of equal length from this sequence number on: log times (n,), CDR bytes (n, size)."""
+    def add_rows(
+        self, channel: int, sequence: int, log_times_ns: IntArray, publish_times_ns: IntArray, rows: Bytes
+    ) -> None:
+        """Append messages of equal length from this sequence number on: times (n,), CDR bytes (n, size)."""
         n, size = rows.shape
         messages = np.empty((n, MESSAGE_HEAD_BYTES + size), np.uint8)
         heads = np.empty(n, _MESSAGE_HEAD)
         heads["opcode"], heads["length"], heads["channel"] = Opcode.MESSAGE, MESSAGE_HEAD_BYTES - 9 + size, channel
         heads["sequence"] = (sequence + np.arange(n)) & 0xFFFFFFFF
-        heads["log"] = heads["publish"] = log_times_ns
+        heads["log"], heads["publish"] = log_times_ns, publish_times_ns
         messages[:, :MESSAGE_HEAD_BYTES] = heads.view(np.uint8).reshape(n, MESSAGE_HEAD_BYTES)
         messages[:, MESSAGE_HEAD_BYTES:] = rows
         offsets = len(self.data) + np.arange(n) * messages.shape[1]

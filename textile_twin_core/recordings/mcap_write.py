@@ -78,19 +78,20 @@ class McapFileWriter:
         self._emit(channel)
         return channel.id
 
-    def write(self, channel: int, log_time_ns: int, cdr: bytes) -> None:
+    def write(self, channel: int, log_time_ns: int, publish_time_ns: int, cdr: bytes) -> None:
         """Append one message."""
-        self._chunk.add(channel, self.counts[channel], log_time_ns, cdr)
+        self._chunk.add(channel, self.counts[channel], log_time_ns, publish_time_ns, cdr)
         self.counts[channel] += 1
         if len(self._chunk.data) >= _CHUNK_BYTES:
             self._end_chunk()
 
-    def write_rows(self, channel: int, log_times_ns: IntArray, rows: Bytes) -> None:
-        """Append messages of equal length: log times (n,), CDR bytes (n, size)."""
+    def write_rows(self, channel: int, log_times_ns: IntArray, publish_times_ns: IntArray, rows: Bytes) -> None:
+        """Append messages of equal length: times (n,), CDR bytes (n, size)."""
         at_once = max(1, _CHUNK_BYTES // (MESSAGE_HEAD_BYTES + rows.shape[1]))
         for start in range(0, len(rows), at_once):
-            times, cdr = log_times_ns[start : start + at_once], rows[start : start + at_once]
-            self._chunk.add_rows(channel, self.counts[channel], times, cdr)
+            part = slice(start, start + at_once)
+            cdr = rows[part]
+            self._chunk.add_rows(channel, self.counts[channel], log_times_ns[part], publish_times_ns[part], cdr)
             self.counts[channel] += len(cdr)
             if len(self._chunk.data) >= _CHUNK_BYTES // 2:
                 self._end_chunk()

@@ -115,15 +115,21 @@ class Recording:
         """Iterate over all messages as (topic, log time [ns], CDR bytes), by log time, with one block per topic
         in memory.
         """
+        for name, log_time_ns, _, cdr in self.timed_messages(topics):
+            yield name, log_time_ns, cdr
+
+    def timed_messages(self, topics: list[str] | None = None) -> Iterator[tuple[str, int, int, bytes]]:
+        """Iterate like `raw_messages` over (topic, log time [ns], publish time [ns], CDR bytes)."""
         names = list(self.topics) if topics is None else [self.find_topic(topic).name for topic in topics]
         yield from heapq.merge(*(self._one_topic(name) for name in names), key=itemgetter(1))
 
-    def _one_topic(self, name: str) -> Iterator[tuple[str, int, bytes]]:
+    def _one_topic(self, name: str) -> Iterator[tuple[str, int, int, bytes]]:
         # Blocks may overlap in time: messages later than the start of the next block wait for it.
-        waiting: list[tuple[str, int, bytes]] = []
+        waiting: list[tuple[str, int, int, bytes]] = []
         for block in self.blocks(name):
             ready = bisect_left(waiting, int(block.log_times_ns.min()), key=itemgetter(1))
             yield from waiting[:ready]
-            fresh = [(name, time, block.message(i)) for i, time in enumerate(block.log_times_ns.tolist())]
+            times = zip(block.log_times_ns.tolist(), block.published_ns.tolist(), strict=True)
+            fresh = [(name, logged, published, block.message(i)) for i, (logged, published) in enumerate(times)]
             waiting = sorted(waiting[ready:] + fresh, key=itemgetter(1))
         yield from waiting

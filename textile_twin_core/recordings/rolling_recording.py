@@ -92,9 +92,9 @@ class RollingRecording:
                 with suppress(RecordingError):  # no run has recorded the topic
                     out.write(name, begin_ns, message)
             for bag in bags:
-                for name, log_time_ns, message in bag.raw_messages():
+                for name, log_time_ns, published_ns, message in bag.timed_messages():
                     if begin_ns <= log_time_ns <= end_ns:
-                        out.write(name, log_time_ns, message)
+                        out.write(name, log_time_ns, message, published_ns)
             return sum(out.counts.values())
 
     def _runs(self) -> list[Path]:

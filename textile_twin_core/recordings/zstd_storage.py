@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
 
@@ -67,7 +68,7 @@ def plain_messages(block: MessageBlock, path: Path) -> MessageBlock:
         data = [unpack.decompress(block.message(k), max_output_size=_MOST_BYTES) for k in range(len(block))]
     except zstandard.ZstdError as error:
         raise RecordingError(f"{path}: messages are compressed with zstd, and one is damaged ({error})") from error
-    return packed(block.log_times_ns.tolist(), data)
+    return replace(packed(block.log_times_ns.tolist(), data), publish_times_ns=block.publish_times_ns)
 
 
 _MOST_BYTES = 1 << 26
