@@ -18,7 +18,7 @@ from textile_twin_core.recordings.cdr_decode import MessageLayout, layouts
 from textile_twin_core.recordings.mcap_parts import DamageError
 from textile_twin_core.recordings.mcap_read import McapFile
 from textile_twin_core.recordings.message_types import FLOAT64, HEADER, JOINT_STATE, POINT, WRENCH
-from textile_twin_core.recordings.recorded_clock import better_clock
+from textile_twin_core.recordings.recorded_clock import better_clock, without_stamp_wraps
 from textile_twin_core.recordings.recording import RecordedFile, Recording
 from textile_twin_core.recordings.rosbag2_metadata import TopicInfo
 from textile_twin_core.recordings.samples import AngleSamples, PointSamples, TorqueSamples
@@ -50,7 +50,8 @@ class Bag(Recording):
         stamps, (angles, velocities) = self._columns(info, fields, joint)
         velocities[np.isinf(velocities)] = np.nan  # a speed over a time step of zero is not valid
         has_velocities = not np.isnan(velocities).all()
-        return AngleSamples(info.name, stamps, angles, velocities if has_velocities else None)
+        read = AngleSamples(info.name, stamps, angles, velocities if has_velocities else None)
+        return without_stamp_wraps(read)
 
     def read_torques(
         self, topic: str = "balancing_torque/measured", joint: str = "main_shaft", unit_Nm: float = 1.0
@@ -76,7 +77,7 @@ class Bag(Recording):
             return None if place is None else [take("effort", place)]
 
         stamps, (torque,) = self._columns(info, fields, joint, "effort")
-        return TorqueSamples(info.name, stamps, torque * unit_Nm)
+        return without_stamp_wraps(TorqueSamples(info.name, stamps, torque * unit_Nm))
 
     def read_events(self, topic: str) -> IntArray:
         """Read the stamps (n,) [ns] of a topic of Header, whose messages mark events: an edge or an index pulse."""

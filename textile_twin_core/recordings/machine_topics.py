@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,11 +15,14 @@ from textile_twin_core.recordings.bag import Bag
 from textile_twin_core.recordings.message_types import HEADER
 from textile_twin_core.recordings.recorded_clock import set_back, stamps_ahead
 from textile_twin_core.recordings.samples import AngleSamples, TorqueSamples
+from textile_twin_core.shaft.counter import find_counter, unwrap_counter
 from textile_twin_core.twin.encoder_reference import Reading, Reference, reference_of
 
 ANGLE_TOPIC = "main_shaft/angle"
 SECOND_ANGLE_TOPIC = "main_shaft/second_angle"
 MEASURED_TOPIC = "balancing_torque/measured"
+_LEAST_STEP_RAD = 1e-7
+"""Least move of a reading that is a step of an encoder, beyond the rounding of numbers."""
 
 
 def namespace_of(angle_topic: str) -> str:
@@ -108,7 +112,7 @@ class MachineTopics:
             return measured
         good = np.ones(len(measured), np.bool_)
         good[ahead] = False
-        return replace(measured, stamps=measured.stamps[good], torque_Nm=measured.torque_Nm[good])
+        return measured.rows(good)
 
     def _in_radians(self, bag: Bag, encoder: Encoder) -> AngleSamples:
         """Return the angles of the topic or of its edges, counted from the reference where there is one."""
@@ -121,6 +125,7 @@ class MachineTopics:
             angles = bag.read_angles(self.angle, self.joint)
             speeds = None if angles.velocities is None else angles.velocities * unit
             angles = replace(angles, angles_rad=angles.angles_rad * unit, velocities=speeds)
+            angles = without_angle_wraps(angles, encoder.resolution_rad)
         reference = reference_of(encoder, edges, self.index is not None)
         if reference is None:
             return angles
@@ -133,6 +138,27 @@ def unit_notes(angles: AngleSamples) -> list[str]:
     """Warn if recorded angles seem to have another unit than radians; at most one line."""
     seen = other_unit(angles.angles_rad)
     return [f"topic {angles.topic}: {seen.instead}: tell it with --angle-unit {seen.option}"] if seen else []
+
+
+def without_angle_wraps(angles: AngleSamples, step_rad: float | None) -> AngleSamples:
+    """Undo the wraps of an encoder's counter whose range is no multiple of a turn.
+
+    Args:
+        angles: as measured. step_rad: of the encoder; None to take the least difference of two moves.
+    """
+    readings = angles.angles_rad[np.isfinite(angles.angles_rad)]
+    moves = np.abs(np.diff(readings))
+    if step_rad is None:
+        different = np.diff(np.unique(np.append(moves, 0.0)))
+        step_rad = float(np.min(different, where=different > _LEAST_STEP_RAD, initial=np.inf))
+    if not moves.size or moves.max() < 2.0**15 * step_rad:
+        return angles
+    counter = find_counter(readings - readings[0], [step_rad])
+    if counter is None or abs(math.remainder(counter.width, 2.0 * math.pi)) < 0.5 * step_rad:
+        return angles
+    note = f"topic {angles.topic}: the angle is {counter.text}, no multiple of a turn: continued from there"
+    undone = unwrap_counter(angles.angles_rad, counter.width)
+    return replace(angles, angles_rad=undone, notes=(*angles.notes, note))
 
 
 def referred(angles: AngleSamples, reference: Reference, pulses: IntArray) -> AngleSamples:
@@ -162,4 +188,5 @@ def referred(angles: AngleSamples, reference: Reference, pulses: IntArray) -> An
         stamps=np.array(stamps, np.int64),
         angles_rad=np.array(angle),
         velocities=None if angles.velocities is None else np.array(speed),
+        recorded_ns=None,
     )

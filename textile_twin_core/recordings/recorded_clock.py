@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
 from textile_twin_core.arrays import IntArray
 from textile_twin_core.recordings.samples import AngleSamples, TorqueSamples
+from textile_twin_core.shaft.counter import find_counter, unwrap_counter
 
+_Samples = TypeVar("_Samples", AngleSamples, TorqueSamples)
+_STAMP_COUNTS_NS = {1e3: "us", 1e6: "ms", 1.0: "ns"}
+"""Value of one count of a device's clock [ns], and its unit."""
+_LEAST_WRAP_NS = 2**31
 _SET_BACK_S = 1.0
 """Least backward step of a clock that was set back [s]."""
 _FEW = 10
@@ -21,15 +27,29 @@ _GAP_NS, _OTHER_CLOCK_NS = 250_000_000, 60_000_000_000
 """Intervals above the first are pauses; publish times off by more than the second are of an unrelated clock."""
 
 
+def without_stamp_wraps(samples: _Samples) -> _Samples:
+    """Undo the wraps of a device's clock of 32 bits, in us, ms or ns, within the stamps of recorded samples."""
+    if samples.stamps.size < 2 or (np.diff(samples.stamps) >= -_LEAST_WRAP_NS).all():
+        return samples
+    counter = find_counter(samples.stamps, list(_STAMP_COUNTS_NS))
+    if counter is None or counter.bits != 32:
+        return samples
+    unit = _STAMP_COUNTS_NS[counter.width / 2.0**32]
+    note = f"topic {samples.topic}: the stamps are {counter.text}, in {unit}: continued from there"
+    stamps = unwrap_counter(samples.stamps, counter.width)
+    return replace(samples, stamps=stamps, recorded_ns=samples.stamps, notes=(*samples.notes, note))
+
+
 def clock_notes(samples: AngleSamples | TorqueSamples) -> list[str]:
-    """Warn if a clock was set back within recorded samples; at most one line."""
+    """Describe corrections on reading, and warn in one line if a clock was set back within recorded samples."""
     values = samples.angles_rad if isinstance(samples, AngleSamples) else samples.torque_Nm
     topic, stamps = samples.topic, samples.stamps[np.isfinite(values)]
     late = int(np.count_nonzero(stamps < np.maximum.accumulate(stamps)))
     if late <= _MANY_LATE * len(stamps):
-        return []
+        return [*samples.notes]
     what = set_back(stamps)
-    return [f"topic {topic}: {what}; {late} of {len(stamps)} are not used until it is as late again"] if what else []
+    warning = f"topic {topic}: {what}; {late} of {len(stamps)} are not used until it is as late again"
+    return [*samples.notes, *([warning] if what else [])]
 
 
 def on_one_clock(angles: AngleSamples, measured: TorqueSamples) -> tuple[TorqueSamples, list[str]]:
@@ -52,7 +72,7 @@ def on_one_clock(angles: AngleSamples, measured: TorqueSamples) -> tuple[TorqueS
         return measured, notes
     notes = [note for note in notes if not note.startswith(f"topic {which}: ")]
     notes.append(f"topic {which}: {set_back(stamps)}, and those of {other} do not: torque from there on is not used")
-    return replace(measured, stamps=measured.stamps[usable], torque_Nm=measured.torque_Nm[usable]), notes
+    return measured.rows(usable), notes
 
 
 def set_back(stamps: IntArray) -> str:

@@ -68,13 +68,15 @@ def replay_bag(
     out.add_topic(description, "std_msgs/msg/String", LATCHED)
     out.write(description, bag.start_ns, encode_string(machine.urdf()))
     residual = None
-    clocks, recorded_stamps = clock_notes(angles), angles.stamps
+    clocks = clock_notes(angles)
+    recorded_stamps = angles.stamps if angles.recorded_ns is None else angles.recorded_ns
     if topics.has_torque and bag.has_topic(recorded.torque_in(bag)):
         steps = load_steps(compile_machine(machine, [TORQUE]))
         stream = ResidualStream(machine.sensors.torque, steps)
         measured, clocks = on_one_clock(angles, recorded.read_torques(bag))
         angles, torque, timings = evenly_timed(angles, measured, machine)
-        residual = _Residual(stream, torque, measured.stamps, out, writer.residual)
+        recorded_torques = measured.stamps if measured.recorded_ns is None else measured.recorded_ns
+        residual = _Residual(stream, torque, recorded_torques, out, writer.residual)
     else:
         angles, timings = evenly_timed_angles(angles, machine)
     clocks = [*clocks, *(timing.text for timing in timings)]
@@ -128,7 +130,7 @@ class _Residual:
         self, stream: ResidualStream, torque: TorqueSamples, stamps: IntArray, out: BagWriter, topic: str
     ) -> None:
         self._stream, self._torque, self._out, self._topic = stream, torque, out, topic
-        self._stamps = None if torque.timing is None else stamps  # as recorded
+        self._stamps = None if torque.stamps is stamps else stamps  # as recorded
         # A single stamp far ahead must not block the later ones.
         later = np.concatenate([torque.stamps, np.full(_LOOK_AHEAD, np.iinfo(np.int64).max)])
         self._due = np.lib.stride_tricks.sliding_window_view(later, _LOOK_AHEAD + 1).min(axis=1)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:
     from textile_twin_core.comparison.stamp_timing import StampTiming
@@ -21,7 +21,8 @@ class AngleSamples:
         angles_rad: Angles [rad].
         velocities: Speeds [rad/s], NaN where a message has none; None if no message has one.
         timing: Bursts of the stamps, if `stamps` are reconstructed times; None otherwise.
-        recorded_ns: Stamps as recorded, if `stamps` are reconstructed times; None otherwise.
+        recorded_ns: Stamps as recorded, if `stamps` are reconstructed or continued ones; None otherwise.
+        notes: Corrections on reading, for people.
     """
 
     topic: str
@@ -30,6 +31,7 @@ class AngleSamples:
     velocities: FloatArray | None
     timing: StampTiming | None = None
     recorded_ns: IntArray | None = None
+    notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.stamps)
@@ -37,15 +39,22 @@ class AngleSamples:
 
 @dataclass(frozen=True)
 class TorqueSamples:
-    """Torques about the shaft in the order recorded; arrays of shape (n,). Stamps and timing as in AngleSamples."""
+    """Torques about the shaft in the order recorded; arrays of shape (n,). The rest as in AngleSamples."""
 
     topic: str
     stamps: IntArray
     torque_Nm: FloatArray
     timing: StampTiming | None = None
+    recorded_ns: IntArray | None = None
+    notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.stamps)
+
+    def rows(self, here: BoolArray) -> TorqueSamples:
+        """Return the samples of a mask (n,)."""
+        recorded = None if self.recorded_ns is None else self.recorded_ns[here]
+        return replace(self, stamps=self.stamps[here], torque_Nm=self.torque_Nm[here], recorded_ns=recorded)
 
 
 @dataclass(frozen=True)
