@@ -17,7 +17,7 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.cli.main import main
 from textile_twin_core.driveline.free_motion import ElasticDriveResult
 from textile_twin_core.dynamics import Backing
-from textile_twin_core.dynamics.loads import ShaftFriction
+from textile_twin_core.dynamics.loads import ForceCurve, ShaftFriction
 from textile_twin_core.errors import MotionError
 from textile_twin_core.machine import Machine
 
@@ -93,6 +93,23 @@ def test_a_free_chain_agrees_with_an_independent_integrator(
     np.testing.assert_allclose(found.motion.theta_rad, theta, rtol=0.0, atol=1e-8)
     np.testing.assert_allclose(found.motion.piece_torque_Nm, pieces, rtol=0.0, atol=1e-6 * np.abs(pieces).max())
     assert (omega[-1, 0] < -5.0) == (torque < 0.0)
+
+
+def test_a_force_over_the_depth_bends_at_its_knots_as_by_an_independent_integrator() -> None:
+    knots, down, up = np.array([0.5562, 0.5575, 0.559, 0.575]), [0.0, 1100.0, 600.0, 800.0], [0.0, 200.0, 300.0, 350.0]
+    curve = ForceCurve("backing", "needle_position_m", tuple(knots.tolist()), tuple(down), tuple(up))
+    ones, t = np.ones(3), 1e-3 * np.arange(61)
+    driven = replace(machine(ones, np.zeros(3)), loads=(curve,))
+    found = run(driven, 30.0, 20.0, t)
+    dense = truth(ones, np.zeros(3), 30.0, 0.0)
+    dense.force, dense.viscous = None, 0.0
+    dense.law = lambda place, goes_down: np.where(
+        goes_down, np.interp(place, knots, down, left=0.0), np.interp(place, knots, up, left=0.0)
+    )
+    theta, omega = dense.run(np.concatenate([found.motion.theta_rad[0], np.full(4, 20.0)]), t, 1e-11)
+    np.testing.assert_allclose(found.motion.theta_rad, theta, rtol=0.0, atol=2e-8)
+    np.testing.assert_allclose(found.motion.omega_rad_s, omega, rtol=0.0, atol=2e-5)
+    assert found.load_work_J["loads"][-1] < -5.0
 
 
 def test_dry_friction_holds_and_lets_go() -> None:

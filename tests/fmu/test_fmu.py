@@ -8,6 +8,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal
@@ -19,6 +20,7 @@ import textile_twin_core as ttc
 from tests.benchmarks.fmu_steps import LOOM_MASSES, TORQUES
 from textile_twin_core.cli.main import main
 from textile_twin_core.dynamics import Body
+from textile_twin_core.dynamics.loads import ForceCurve
 from textile_twin_core.expression import interpret
 from textile_twin_core.expression.loop import Numpy
 from textile_twin_core.fmu import FmuReport, write_fmu
@@ -202,6 +204,29 @@ def test_the_needle_in_the_backing_and_dry_friction_are_met_exactly(units: Any) 
             theta, omega, begin = float(run.theta_rad[-1]), float(run.omega_rad_s[-1]), begin + seconds
             assert got(instance, shaft) == pytest.approx([theta, omega], abs=1e-6, rel=1e-9)
     assert {"leaps", "stops", "reverses"} <= kinds
+
+
+def test_a_force_over_the_depth_is_that_of_the_twin_and_of_drive(tmp_path: Path) -> None:
+    """A pierce, a step inside and another force on the way out, with the angle as input and with the torque."""
+    knots, down = (0.55784, 0.5585, 0.5601, 0.5633, 0.5633, 0.576), (250.0, 1200.0, 640.0, 580.0, 820.0, 900.0)
+    curve = ForceCurve("backing", "needle_position_m", knots, down, (0.0, 120.0, 300.0, 310.0, 280.0, 350.0))
+    machine = replace(machine_named("tufting"), loads=(curve,))
+    path = tmp_path / "angle.fmu"
+    write_fmu(path, machine, input="angle", fmi=2, outputs=["balancing_torque_Nm", "reaction_O_x_N"])
+    twin = ttc.compile(machine, ["balancing_torque_Nm", "reaction_O_x_N"], method="exact")
+    with opened(path, "CoSimulation") as (instance, reference):
+        initialise(instance)
+        for theta in (0.37, 0.5, 1.2, 2.9, 5.0):
+            put(instance, [reference[n] for n in ("theta_rad", "omega_rad_s", "alpha_rad_s2")], [theta, 16.0, 3.0])
+            true = twin.evaluate(theta, 16.0, 3.0)
+            assert got(instance, [reference[name] for name in true]) == pytest.approx(list(true.values()), rel=1e-10)
+    path, time = tmp_path / "torque.fmu", np.linspace(0.0, 0.4, 81)
+    write_fmu(path, machine, input="torque", fmi=2)
+    run = ttc.drive(machine, 12.0, 0.2, 14.0, time, tolerance=1e-12)
+    start = {"theta_rad": 0.2, "omega_rad_s": 14.0, "drive_torque_Nm": 12.0}
+    found = fmpy.simulate_fmu(str(path), stop_time=0.4, step_size=0.005, output_interval=0.005, start_values=start)
+    assert np.abs(found["theta_rad"] - run.theta_rad).max() < 1e-9
+    assert np.abs(found["omega_rad_s"] - run.omega_rad_s).max() < 2e-8
 
 
 @pytest.mark.parametrize("fmi", [2, 3])

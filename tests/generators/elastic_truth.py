@@ -63,6 +63,8 @@ class Chain:
     force: Callable[[FloatArray], FloatArray] | None = None
     """Force on the needle along +y over the crank angle [N]."""
     backing_N: float = 0.0
+    law: Callable[[FloatArray, BoolArray], FloatArray] | None = None
+    """Continuous force against the needle by its position and whether it goes down [N]."""
     base: Callable[[float], tuple[float, float, float]] | None = None
     """Angle, speed and acceleration of the first station; None: free, under `torque`."""
     torque: Callable[[float, float, float], float] = field(default=lambda t, theta, omega: 0.0)
@@ -84,10 +86,12 @@ class Chain:
 
     def accelerations(self, t: float, theta: FloatArray, omega: FloatArray) -> FloatArray:
         """Compute the acceleration of every station."""
-        J, slope, weight, _, travel = linkage(theta + self.phase)
+        J, slope, weight, needle, travel = linkage(theta + self.phase)
         resisting = 0.5 * slope * omega**2 + weight + self.viscous * omega
         if self.force is not None:
             resisting += self.force(theta + self.phase) * travel
+        if self.law is not None:
+            resisting += self.law(needle, travel * omega > 0.0) * np.abs(travel) * np.sign(omega)
         resisting += self.backing_N * np.abs(travel) * np.sign(omega) * self.inside
         pieces = self.piece_torques(theta, omega)
         net = np.where(self.carries, -resisting, 0.0)

@@ -7,7 +7,7 @@ ground or the earlier link on the later one; the needle's position counts downwa
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import mpmath as mp
 
@@ -54,15 +54,17 @@ def truth(
     digits: int = 50,
     parameters: Mapping[str, Number] | None = None,
     reactions: bool = True,
+    law: Callable[[Number, bool], Number] | None = None,
 ) -> dict[str, Number]:
     """Compute every output of the tufting machine at one angle [rad], speed [rad/s] and acceleration [rad/s^2].
 
     Floats are taken at their exact value, strings as decimals; `parameters` replaces entries of PARAMETERS. The result
-    has the output names of the machine. Without `reactions` the linear system is not solved.
+    has the output names of the machine. Without `reactions` the linear system is not solved. A `law` gives the force
+    against the needle at its distance below C, on the way down (True) or up, in place of the backing's.
     """
     with mp.workdps(digits):
         value = {name: mp.mpf(number) for name, number in {**PARAMETERS, **(parameters or {})}.items()}
-        return _Machine(value, mp.mpf(theta), mp.mpf(omega), mp.mpf(alpha)).outputs(reactions)
+        return _Machine(value, mp.mpf(theta), mp.mpf(omega), mp.mpf(alpha)).outputs(reactions, law)
 
 
 class _Machine:
@@ -114,7 +116,7 @@ class _Machine:
         }
         self.pins["F"] = (slider[0] - 1j * l6, slider[1], slider[2])
 
-    def outputs(self, reactions: bool) -> dict[str, Number]:
+    def outputs(self, reactions: bool, law: Callable[[Number, bool], Number] | None = None) -> dict[str, Number]:
         """Compute all outputs by name; the torque comes from virtual work, the reactions from the free bodies."""
         value, omega, alpha = self.value, self.omega, self.alpha
         gravity = value["gravity_m_s2"]
@@ -135,6 +137,8 @@ class _Machine:
         found["needle_position_m"], found["needle_velocity_m_s"] = below, speed
         found["needle_acceleration_m_s2"] = -mp.im(self._acceleration(tip))
         size = value["backing_force_N"] if below >= value["backing_plane_m"] else value["free_force_N"]
+        if law is not None:
+            size = law(below, speed > 0)
         upward = size * mp.sign(speed)
 
         inertia = sum(m * abs(c[1]) ** 2 for m, c in zip(self.mass, self.centroids, strict=True))

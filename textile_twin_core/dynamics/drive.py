@@ -200,7 +200,9 @@ class Drive:
         if which == 1:
             return time, 0
         after = self.equation.stretch(bound, direction)
-        self._note("leaps", time, state, [self.load_names[i] for i in self.equation.leaping_loads(stretch, after)])
+        leaping = self.equation.leaping_loads(stretch, after, bound, float(state[1]))
+        if leaping:
+            self._note("leaps", time, state, [self.load_names[i] for i in leaping])
         return time, direction
 
     def _cross(

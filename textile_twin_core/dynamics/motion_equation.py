@@ -22,6 +22,8 @@ _LEAPING = ("sign", "at_least")
 _SAMPLES = 2880
 _OPEN = 2.0
 """Value of a load's step where the chain is open."""
+_BEND = 1e-9
+"""Largest change of a load's torque, over its size, at a bend of its law; a larger one is a step."""
 _SHIFT = 0.377  # share of a sample spacing, so that no sample lies on a round angle
 
 
@@ -93,10 +95,19 @@ class MotionEquation:
         """
         return self._forward if direction > 0 else self._backward
 
-    def leaping_loads(self, before: Stretch, after: Stretch) -> tuple[int, ...]:
-        """Return the numbers of the loads that step between two neighbouring stretches."""
+    def leaping_loads(self, before: Stretch, after: Stretch, theta: float, omega: float) -> tuple[int, ...]:
+        """Return the numbers of the loads that step or reverse between two stretches that meet at an angle.
+
+        A load that only bends there, as a force curve at a knot, is not among them.
+        """
         changed = [k for k, pair in enumerate(zip(before.values, after.values, strict=False)) if pair[0] != pair[1]]
-        return tuple(sorted(set().union(*(self._owners[k] for k in changed))))
+        owners = set().union(*(self._owners[k] for k in changed))
+        if not owners or self.is_open(before) or self.is_open(after):
+            return tuple(sorted(owners))
+        reversed_ones = set().union(*(self._owners[k] for k in changed if self._leaps[k].op == "sign"))
+        one, other = (self.terms(theta, omega, *stretch.values)[3:] for stretch in (before, after))
+        stepped = {i for i in owners if abs(one[i] - other[i]) > _BEND * max(abs(one[i]), abs(other[i]))}
+        return tuple(sorted(reversed_ones | stepped))
 
     @cached_property
     def _forward(self) -> tuple[list[float], list[tuple[float, ...]]]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.driveline import elastic_shaft, find_resonances
-from textile_twin_core.dynamics.loads import Backing
+from textile_twin_core.dynamics.loads import Backing, ForceCurve
 from textile_twin_core.explore.analysis_of_contact import analyse_contact
 from textile_twin_core.explore.analysis_of_transfer import analyse_transfer
 from textile_twin_core.explore.design import Design
@@ -203,6 +203,9 @@ def _marks(machine: Machine, curves: dict[str, tuple[FloatArray, ...]], theta: F
             if isinstance(load, Backing) and load.on == name and high >= load.entry_plane_m:
                 found += [Mark("entry", angle) for angle in _crossings(theta, position - load.entry_plane_m)]
                 found += [Mark("exit", angle) for angle in _crossings(theta, load.exit_plane_m - position)]
+            if isinstance(load, ForceCurve) and load.measure == f"{name}_position_m" and high >= load.knots[0]:
+                found += [Mark("entry", angle) for angle in _crossings(theta, position - load.knots[0])]
+                found += [Mark("exit", angle) for angle in _crossings(theta, load.knots[0] - position)]
     return sorted(found, key=lambda mark: mark.angle_rad)
 
 

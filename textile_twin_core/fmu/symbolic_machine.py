@@ -25,6 +25,7 @@ Quantities = Callable[[Machine], list[Expr]]
 _CHANGE, _GOLDEN = 1e-3, 0.6180339887498949
 """Smallest relative change of a parameter for its check; absolute for a parameter that is 0."""
 _AGREE = 1e-9
+_PARTS = ("points", "groups", "bodies", "loads", "measures", "gravity_m_s2")
 _MOST_TOGETHER = 4
 """Longest tuple of parameters; longer ones are tables."""
 
@@ -113,8 +114,12 @@ def _states(machine: Machine) -> dict[str, FloatArray]:
 
 def _builder(machine: Machine) -> tuple[Callable[[Mapping[str, float]], Machine], dict[str, float]]:
     """Return a function that builds the machine from numbers by name, and these numbers."""
-    if machine.name in machines.NAMES and machine.parameters:
-        name = machine.name
+    name = machine.name
+    if (
+        name in machines.NAMES
+        and machine.parameters
+        and _same_parts(machine, machines.create(name, **machine.parameters))
+    ):
 
         def published(values: Mapping[str, float]) -> Machine:
             made = machines.create(name, **values)
@@ -125,6 +130,11 @@ def _builder(machine: Machine) -> tuple[Callable[[Mapping[str, float]], Machine]
     numbers: dict[str, float] = {}
     _ = _declared(machine, lambda place, value: numbers.setdefault(place, value))
     return (lambda values: _declared(machine, lambda place, _: values[place])), numbers
+
+
+def _same_parts(machine: Machine, published: object) -> bool:
+    """Return whether a machine has the parts of a published one; a user may have replaced a load or a body."""
+    return all(getattr(machine, part) == getattr(published, part, None) for part in _PARTS)
 
 
 def _declared(machine: Machine, number: Callable[[str, float], float]) -> Machine:

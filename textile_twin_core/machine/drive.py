@@ -96,8 +96,8 @@ def load_torques(machine: Machine) -> list[Expr]:
 
 
 def load_names(loads: Sequence[Load]) -> tuple[str, ...]:
-    """Name each load by its type, numbered if there are several."""
-    types = [type(load).__name__ for load in loads]
+    """Name each load by its own name or by its type, numbered if there are several."""
+    types = [getattr(load, "name", type(load).__name__) for load in loads]
     several, seen, names = Counter(types), Counter[str](), []
     for name in types:
         seen[name] += 1

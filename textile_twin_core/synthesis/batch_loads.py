@@ -11,6 +11,7 @@ import numpy as np
 
 from textile_twin_core.dynamics.loads import (
     Backing,
+    ForceCurve,
     JointDamping,
     JointFriction,
     PointDamping,
@@ -93,6 +94,20 @@ def _(load: Backing, name: str, turn: Turn) -> Any:
     # A needle that never reaches the entry plane meets no backing when it leaves.
     inside &= (leave >= entry) | (position.max(axis=-1, keepdims=True) >= entry)
     return np.sign(speed) * slope * np.where(inside, force, free)
+
+
+@load_torque.register
+def _(load: ForceCurve, name: str, turn: Turn) -> Any:
+    chain = turn.chain
+    places = {f"{m.name}_position_m": m for m in turn.measures}
+    if load.measure not in places:
+        raise SceneError(f"force curve '{load.name}': designs in numbers take curves over a measure's position alone")
+    position, slope, _ = displacement(places[load.measure], chain)
+    speed = slope * turn.speed_rad_s
+    force = np.where(speed >= 0.0, load.values(position), load.values(position, growing=False))
+    if load.speed_power:
+        force = force * (abs(turn.speed_rad_s) / (load.at_speed_rad_s or 1.0)) ** load.speed_power
+    return np.sign(speed) * slope * force
 
 
 @load_torque.register

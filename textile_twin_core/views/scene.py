@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.dynamics import Backing
+from textile_twin_core.dynamics.loads import Backing, ForceCurve
 from textile_twin_core.mechanism import GearPair, Travel
 from textile_twin_core.mechanism.gear_pair import PitchCircle
 from textile_twin_core.mechanism.joint import BASE
@@ -176,11 +176,15 @@ def _outlines(machine: Machine, link: str) -> tuple[FloatArray, ...]:
 def _backing(machine: Machine, paths: Mapping[str, FloatArray]) -> BackingPlane | None:
     measures = {measure.name: measure for measure in machine.measures}
     for load in machine.loads:
-        travel = measures.get(load.on) if isinstance(load, Backing) else None
-        if isinstance(load, Backing) and isinstance(travel, Travel):
+        travel, plane = None, 0.0
+        if isinstance(load, Backing):
+            travel, plane = measures.get(load.on), load.entry_plane_m
+        elif isinstance(load, ForceCurve):
+            travel, plane = measures.get(load.measure.removesuffix("_position_m")), load.knots[0]
+        if isinstance(travel, Travel):
             direction = np.asarray(travel.direction) / np.hypot(*travel.direction)
             tip, origin = paths[travel.point][0], paths[travel.origin][0]
-            x, y = tip + (load.entry_plane_m - float((tip - origin) @ direction)) * direction
+            x, y = tip + (plane - float((tip - origin) @ direction)) * direction
             return BackingPlane((float(x), float(y)), (float(direction[0]), float(direction[1])))
     return None
 

@@ -6,6 +6,7 @@ A load that is listed here is known to machine files. One line per name.
 from textile_twin_core.dynamics.loads.backing import Backing as Backing
 from textile_twin_core.dynamics.loads.damping import JointDamping as JointDamping
 from textile_twin_core.dynamics.loads.damping import PointDamping as PointDamping
+from textile_twin_core.dynamics.loads.force_curve import ForceCurve as ForceCurve
 from textile_twin_core.dynamics.loads.joint_friction import JointFriction as JointFriction
 from textile_twin_core.dynamics.loads.joint_friction import SliderFriction as SliderFriction
 from textile_twin_core.dynamics.loads.load import Load as Load
