@@ -52,6 +52,14 @@ def test_a_declared_machine_moves_as_its_geometry_says(tmp_path: Path) -> None:
     assert (left > 0).all()
 
 
+def test_the_measuring_chain_goes_through_a_file(tmp_path: Path) -> None:
+    encoder = ttc.machines.Encoder(eccentricity_rad=((0.01, 0.02), (0.0, -0.003)))
+    torque = ttc.machines.TorqueSensor(low_pass_hz=20.0, low_pass_order=2, high_pass_hz=0.5)
+    machine = dataclasses.replace(ttc.machines.tufting(), sensors=ttc.machines.Sensors(encoder, torque))
+    ttc.files.save_machine_file(machine, tmp_path / "m.yaml")
+    assert ttc.load_machine(tmp_path / "m.yaml") == machine
+
+
 @pytest.mark.parametrize("change", [{}, {"name": "no 7"}, {"parameters": {}}, {"gravity_m_s2": (0.0, 0.0)}])
 def test_the_tufting_machine_goes_through_a_file(tmp_path: Path, change: dict[str, Any]) -> None:
     """Check a file with the published name and parameters if these suffice, and a file with groups otherwise."""
@@ -143,6 +151,9 @@ def test_words_and_numbers_are_read_as_people_mean_them(tmp_path: Path) -> None:
         ("zero_rad: 0.1", "zero_deg: 0.1", r"sensors.encoder.zero_deg: unknown key 'zero_deg'; did you mean zero_rad"),
         ("direction: -1", "direction: 2", r"sensors.encoder: encoder: direction must be 1 or -1"),
         ("direction: -1", "direction: 0.5", r"sensors.encoder.direction: must be a whole number"),
+        ("ratio: 2", "eccentricity_rad: [0.1, 0.2]", r"sensors.encoder.eccentricity_rad\[0\]: must be a list"),
+        ("ratio: 2", "eccentricity_rad: [[9, 0]]", r"sensors.encoder: encoder: eccentricity_rad must be .* small"),
+        ("delay_s: 2e-3", "low_pass_s: 0.01, low_pass_hz: 9", r"sensors.torque: torque sensor: give low_pass_s or"),
         ("gravity_m_s2", "gravity", r"gravity: unknown key 'gravity'; did you mean gravity_m_s2"),
         ("points: {O: [0, 0], C: [0.3, 0]}\n", "", "key 'points' is missing"),
         ("name: my_loom", "name: my_loom\nname: other", "line 2, column 1: 'name' is given twice"),

@@ -23,7 +23,6 @@ from textile_twin_core.inference.measurement import Hypothesis
 from textile_twin_core.inference.parameter import DELAY, GAIN, HELD, OFFSET, ROTOR, SENSORS, ZERO, gain_factor
 from textile_twin_core.inference.torque_units import nearest_gain
 from textile_twin_core.machine import Machine
-from textile_twin_core.machine.sensors import Sensors, TorqueSensor
 
 _MOST_LEFT = 0.5
 """Largest share of the RMS error that a reversed encoder or sensor may leave; above it the reversal is refused."""
@@ -141,7 +140,7 @@ def calibrate(readings: Readings, machine: Machine, begin: Begin = unheard) -> C
     offset = _estimate(found, OFFSET, hypothesis.offset_Nm, hypothesis.unit)
     delay = widened(_estimate(found, DELAY, hypothesis.delay_s), readings.stamped)
     encoder = replace(machine.sensors.encoder, zero_rad=zero.value, direction=s.direction, ratio=abs(turned))
-    sensor = TorqueSensor(s.gain, offset.value, delay.value)
+    sensor = replace(machine.sensors.torque, gain=s.gain, offset_Nm=offset.value, delay_s=delay.value)
     given = {
         "zero_rad": _given_file(found, ZERO, hypothesis.zero_rad).scaled(1.0 / turned),
         "torque.gain": _gain(found, given_file=True).scaled(1.0 / near.gain),
@@ -165,7 +164,7 @@ def calibrate(readings: Readings, machine: Machine, begin: Begin = unheard) -> C
         rms_after_Nm=after,
         rms_beside_Nm=beside,
         assessment=assessment,
-        machine=replace(machine, sensors=Sensors(encoder, sensor)),
+        machine=replace(machine, sensors=replace(machine.sensors, encoder=encoder, torque=sensor)),
     )
 
 

@@ -33,7 +33,6 @@ from textile_twin_core.inference.priors import parameter_path
 from textile_twin_core.inference.record import Record
 from textile_twin_core.inference.torque_model import TabulatedTorque
 from textile_twin_core.machine import Machine
-from textile_twin_core.machine.sensors import Sensors, TorqueSensor
 from textile_twin_core.machine.slots import slots, write
 from textile_twin_core.twin import compile_rigid
 
@@ -150,8 +149,11 @@ class Candidates:
         added = found[_ALWAYS[ROTOR]]
         bodies = (*written.bodies, Body.flywheel(added)) if added > 0.0 else written.bodies
         encoder = replace(written.sensors.encoder, zero_rad=found[_ALWAYS[ZERO]])
-        sensor = TorqueSensor(*(found[_ALWAYS[name]] for name in (GAIN, OFFSET, DELAY)))
-        return replace(written, loads=tuple(loads), bodies=bodies, sensors=Sensors(encoder, sensor))
+        gain, offset, delay = (found[_ALWAYS[name]] for name in (GAIN, OFFSET, DELAY))
+        sensor = replace(written.sensors.torque, gain=gain, offset_Nm=offset, delay_s=delay)
+        return replace(
+            written, loads=tuple(loads), bodies=bodies, sensors=replace(written.sensors, encoder=encoder, torque=sensor)
+        )
 
     def event_angles(self, m: Measurement, x: FloatArray) -> dict[str, float]:
         """Shaft angle at which the needle passes each plane [rad]; a plane that it does not reach is left out."""

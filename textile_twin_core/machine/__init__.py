@@ -17,3 +17,5 @@ from textile_twin_core.machine.sensors import Encoder as Encoder
 from textile_twin_core.machine.sensors import Scene as Scene
 from textile_twin_core.machine.sensors import Sensors as Sensors
 from textile_twin_core.machine.sensors import TorqueSensor as TorqueSensor
+from textile_twin_core.machine.torque_filter import FilterSession as FilterSession
+from textile_twin_core.machine.torque_filter import TorqueFilter as TorqueFilter

@@ -5,9 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
+import numpy as np
+import numpy.typing as npt
+
+from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import MachineError
+from textile_twin_core.machine.eccentricity import Eccentricity
 
 ENCODER_OPTIONS: Mapping[str, str] = {
     "teeth": "samples are edges of a wheel with so many teeth a turn, missing ones counted",
@@ -22,10 +28,14 @@ ENCODER_OPTIONS: Mapping[str, str] = {
 
 @dataclass(frozen=True)
 class Encoder:
-    """Relation of measured and shaft angle: shaft = (measured - zero) * direction * ratio.
+    """Relation of measured and shaft angle: shaft = (q - zero) * direction * ratio, q = measured - e(q).
+
+    q is the true angle of the encoder and e its periodic error (see `Eccentricity`), zero unless declared.
 
     Attributes:
         zero_rad, direction, ratio: zero [rad], sign and ratio of the relation.
+        eccentricity_rad: cosine and sine coefficient [rad] of the error once per turn of the encoder, and a second
+            pair for twice per turn: e = c1 cos q + s1 sin q + c2 cos 2q + s2 sin 2q.
         resolution_rad: step of the measured angle [rad]; None to estimate it.
         stamp_jitter_s: standard deviation of the stamps [s]; None to estimate it.
         teeth: teeth per turn of a wheel whose edges are sampled, missing ones included; 0 for sampled angles.
@@ -45,6 +55,7 @@ class Encoder:
     zero_rad: float = 0.0
     direction: int = 1
     ratio: float = 1.0
+    eccentricity_rad: tuple[tuple[float, float], ...] = ()
     resolution_rad: float | None = None
     stamp_jitter_s: float | None = None
     teeth: int = 0
@@ -69,16 +80,57 @@ class Encoder:
             raise MachineError(
                 f"encoder: pitch_errors_rad has {len(self.pitch_errors_rad)} values for {self.teeth} teeth"
             )
+        Eccentricity(self.eccentricity_rad)
+
+    @cached_property
+    def _eccentricity(self) -> Eccentricity | None:
+        return Eccentricity(self.eccentricity_rad) if any(map(any, self.eccentricity_rad)) else None
+
+    @property
+    def factor(self) -> float:
+        """Turns of the shaft per turn of the encoder, negative where they count against each other."""
+        return self.direction * self.ratio
+
+    def shaft_angle(self, measured_rad: npt.ArrayLike) -> FloatArray:
+        """Convert measured angles (n,), wrapped or not, to angles of the shaft [rad]."""
+        measured = np.asarray(measured_rad, dtype=np.float64)
+        true = measured if self._eccentricity is None else self._eccentricity.true_angle(measured)
+        return (true - self.zero_rad) * self.factor
+
+    def shaft_speed(self, measured_rad: npt.ArrayLike, measured_rad_s: npt.ArrayLike) -> FloatArray:
+        """Convert measured speeds (n,) to speeds of the shaft [rad/s], given the angles measured with them."""
+        speed = np.asarray(measured_rad_s, dtype=np.float64)
+        if self._eccentricity is not None:
+            true = self._eccentricity.true_angle(np.asarray(measured_rad, dtype=np.float64))
+            speed = speed / (1.0 + self._eccentricity.error(true)[1])
+        return speed * self.factor
+
+    def measured_angle(self, shaft_rad: npt.ArrayLike) -> FloatArray:
+        """Convert unwrapped angles of the shaft (n,) to the angles that the encoder measures [rad]."""
+        true = np.asarray(shaft_rad, dtype=np.float64) / self.factor + self.zero_rad
+        return true if self._eccentricity is None else self._eccentricity.reading(true)
+
+    def measured_speed(self, shaft_rad: npt.ArrayLike, shaft_rad_s: npt.ArrayLike) -> FloatArray:
+        """Convert speeds of the shaft (n,) to the speeds that the encoder measures [rad/s], given the angles."""
+        speed = np.asarray(shaft_rad_s, dtype=np.float64) / self.factor
+        if self._eccentricity is None:
+            return speed
+        true = np.asarray(shaft_rad, dtype=np.float64) / self.factor + self.zero_rad
+        return speed * (1.0 + self._eccentricity.error(true)[1])
 
 
 @dataclass(frozen=True)
 class TorqueSensor:
-    """Relation of measured and true torque: measured(t) = gain * true(t - delay) + offset.
+    """Relation of measured and true torque: measured(t) = gain * filtered(true)(t - delay) + offset.
 
     Attributes:
         gain: gain, negative for a reversed sensor.
         offset_Nm: offset [N m].
         delay_s: delay [s].
+        low_pass_s: time constant of a first-order low pass [s]; 0 for none.
+        low_pass_hz: corner of a low pass instead [Hz]; 0 for none.
+        low_pass_order: order of the low pass with this corner: 1, or 2 for a Butterworth filter.
+        high_pass_hz: corner of a first-order high pass, such as AC coupling [Hz]; 0 for none.
 
     Raises:
         MachineError: for impossible values.
@@ -87,12 +139,37 @@ class TorqueSensor:
     gain: float = 1.0
     offset_Nm: float = 0.0
     delay_s: float = 0.0
+    low_pass_s: float = 0.0
+    low_pass_hz: float = 0.0
+    low_pass_order: int = 1
+    high_pass_hz: float = 0.0
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.gain) and self.gain != 0 and math.isfinite(self.offset_Nm)):
             raise MachineError("torque sensor: gain must not be zero, and gain and offset_Nm finite")
         if not (math.isfinite(self.delay_s) and abs(self.delay_s) < 10.0):
             raise MachineError("torque sensor: delay_s must be a time in seconds below 10 s")
+        if not 0.0 <= self.low_pass_s < 10.0:
+            raise MachineError("torque sensor: low_pass_s must be a time in seconds below 10 s, or 0 for none")
+        for name in ("low_pass_hz", "high_pass_hz"):
+            if not 0.0 <= getattr(self, name) < math.inf:
+                raise MachineError(f"torque sensor: {name} must be a positive frequency in Hz, or 0 for none")
+        if self.low_pass_s and self.low_pass_hz:
+            raise MachineError("torque sensor: give low_pass_s or low_pass_hz, not both")
+        if self.low_pass_order not in (1, 2):
+            raise MachineError(f"torque sensor: low_pass_order must be 1 or 2, not {self.low_pass_order!r}")
+        if self.low_pass_order == 2 and not self.low_pass_hz:
+            raise MachineError("torque sensor: low_pass_order 2 needs low_pass_hz, the corner of the filter")
+        if self.high_pass_hz and self.low_pass_corner_hz and self.high_pass_hz >= self.low_pass_corner_hz:
+            raise MachineError(
+                f"torque sensor: high_pass_hz {self.high_pass_hz:g} must be below the low pass, whose corner is"
+                f" {self.low_pass_corner_hz:.4g} Hz"
+            )
+
+    @property
+    def low_pass_corner_hz(self) -> float:
+        """Corner of the low pass [Hz]; 0 for none."""
+        return 1.0 / (2.0 * math.pi * self.low_pass_s) if self.low_pass_s else self.low_pass_hz
 
 
 @dataclass(frozen=True)
