@@ -96,6 +96,17 @@ def test_a_replay_discards_torque_as_the_other_commands_do(tmp_path: Path, capsy
     assert capsys.readouterr().err.count("\n") == 1
 
 
+def test_a_replay_without_any_torque_on_the_clock_of_the_angles_predicts(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    later = MADE.torque_stamps_ns + 100 * 10**9
+    bag = write(tmp_path / "bag", replace(both(16.0), torque_stamps_ns=later))
+    assert main(["replay", str(bag), "--machine", "tufting", "--out", str(tmp_path / "out")]) == 0
+    printed = capsys.readouterr()
+    assert "torque from there on is not used" in printed.err and "/balancing_torque/predicted " in printed.out
+    assert "/balancing_torque/residual" not in printed.out
+
+
 def test_samples_out_of_order_are_not_a_clock_set_back(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     order = np.arange(MADE.angle.size)
     order[::10][:-1] += 2

@@ -145,6 +145,24 @@ def test_two_designs_side_by_side(loom: PageSession) -> None:
     assert state(loom, type="pin", on=False)["pinned"] is None
 
 
+def test_the_pinned_design_is_analysed_once_while_a_slider_moves(
+    loom: PageSession, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    analysed: list[Design] = []
+    analyse = session_module.analyse
+
+    def counted(design: Design) -> object:
+        analysed.append(design)
+        return analyse(design)
+
+    monkeypatch.setattr(session_module, "analyse", counted)
+    pinned = state(loom, type="pin", on=True)["pinned"]
+    for step in range(5):
+        head = state(loom, type="speed", rpm=100.0 + step, gesture=1)
+        assert head["pinned"]["numbers"] == pinned["numbers"]
+    assert len(analysed) == 1 + 5
+
+
 def test_files_come_back_as_they_went(loom: PageSession, tmp_path: Path) -> None:
     state(loom, type="change", values={"crank_m": 41.0, "axis_ratio": 0.9})
     state(loom, type="speed", rpm=250.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import sqlite3
 import time
 from collections import Counter
 from dataclasses import replace
@@ -102,6 +103,22 @@ def test_an_alarm_gets_a_recording_whatever_is_killed(suite: Suite) -> None:
     assert len(set(words)) == len(words)
     assert set(talk.said_between(fault.raised_ns - 1_800_000_000, killed_ns - SECOND_NS)) <= set(words)
     assert [each.recording for each in book.faults()] == ["fault_1", "fault_2"]
+
+
+def test_a_book_that_cannot_be_read_is_an_answer_of_the_service(suite: Suite) -> None:
+    book = FaultBook(suite.folder / "book", create=True)
+    program = fault_node(suite, book)
+    node = suite.node()
+    listed = suite.call(node, SelfTest, "fault_node/list", SelfTest.Request())
+    assert listed.passed == DiagnosticStatus.OK and not listed.status
+    with sqlite3.connect(book.path) as base:
+        base.execute("DROP TABLE faults")
+    for _ in range(2):  # the node lives on
+        listed = suite.call(node, SelfTest, "fault_node/list", SelfTest.Request())
+        (status,) = listed.status
+        assert listed.passed == status.level == DiagnosticStatus.ERROR and str(book.path) in status.message
+    done = suite.call(node, Trigger, "fault_node/acknowledge", Trigger.Request())
+    assert not done.success and str(book.path) in done.message and program.process.poll() is None
 
 
 def test_a_full_disk_delays_recordings_and_loses_no_alarm(suite: Suite) -> None:

@@ -17,8 +17,6 @@ from tests.ros.test_live_topics import joint_state, stamp_of
 from textile_twin_core.arrays import FloatArray, IntArray
 
 RATE_HZ = 250.0
-KNOWN_AFTER = 9
-"""Samples that pass until stamps that go back are known to be a restart."""
 
 
 def rough_shaft() -> tuple[IntArray, FloatArray]:
@@ -36,11 +34,8 @@ def rough_shaft() -> tuple[IntArray, FloatArray]:
 def offline(name: str, stamps: IntArray, angles: FloatArray, outputs: list[str]) -> tuple[list[int], list[FloatArray]]:
     """Result of an offline session with the same samples sent twice."""
     session = ttc.compile(ttc.machines.create(name), outputs=outputs).session(shaft="causal")
-    first = session.step(np.concatenate([stamps, stamps[:KNOWN_AFTER]]), np.concatenate([angles, angles[:KNOWN_AFTER]]))
-    session.reset()
-    second = session.step(stamps[KNOWN_AFTER:], angles[KNOWN_AFTER:])
-    columns = [np.concatenate([part[output] for part in (first, second)]) for output in outputs]
-    return [*first.stamps.tolist(), *second.stamps.tolist()], columns
+    samples = session.step(np.tile(stamps, 2), np.tile(angles, 2))
+    return samples.stamps.tolist(), [samples[output] for output in outputs]
 
 
 def _has(messages: list[JointState], count: int) -> bool:

@@ -178,3 +178,53 @@ def test_one_by_one_refuses_what_a_block_refuses_and_goes_on_after_a_reset_with_
         assert one[1:4] == pytest.approx(other[1:4], abs=1e-9)
         assert one.outputs == pytest.approx(other.outputs, abs=1e-9)
     assert session.report.rejected == {"not_finite": 1, "duplicate_stamp": 1, "older_stamp": 1}
+
+
+def in_blocks(session: ttc.Session, stamps: np.ndarray, angles: np.ndarray, block: int) -> tuple[list, list[float]]:
+    """Stamps and torques of samples taken in blocks; 1: one by one."""
+    given: list = []
+    torques: list[float] = []
+    for start in range(0, stamps.size, block):
+        part = slice(start, start + block)
+        rows = (
+            session.step_one(stamps[start].item(), angles[start].item())
+            if block == 1
+            else session.step(stamps[part], angles[part]).rows()
+        )
+        for row in rows:
+            given.append(row.stamp)
+            torques.append(row.outputs["balancing_torque_Nm"])
+    last = session.finish()
+    return [*given, *last.stamps.tolist()], [*torques, *last["balancing_torque_Nm"].tolist()]
+
+
+@pytest.mark.parametrize("shaft", ["causal", "lag"])
+@pytest.mark.parametrize("unit", [1, 1e-9])
+def test_stamps_that_were_set_back_begin_another_record_in_blocks_of_any_size(shaft: str, unit: float) -> None:
+    machine = ttc.machines.tufting()
+    twin = ttc.compile(machine, ["balancing_torque_Nm"], method="exact")
+    stamps, theta = motion(1000)
+    sent, angles = np.concatenate([stamps, stamps]) * unit, np.concatenate([theta, theta])
+    # Nine samples pass until time is known to have been set back, and two begin each estimate.
+    places = np.r_[2:1000, 1011:2000]
+    truth = twin.evaluate(angles[places], 16.755, 0.0)["balancing_torque_Nm"]
+    whole: list[float] = []
+    for block in (1, 7, 64, 2000):
+        session = twin.session(shaft)
+        given, torques = in_blocks(session, sent, angles, block)
+        assert given == sent[places].tolist() and session.restarts == 1
+        assert session.report.received == 2000 and session.report.rejected["older_stamp"] == 9
+        good = np.r_[500:998, 1500 : len(places)]
+        assert np.max(np.abs(np.array(torques)[good] - truth[good])) < 0.05 * np.max(np.abs(truth))
+        whole = whole or torques
+        assert np.allclose(torques, whole, rtol=0.0, atol=1e-9)
+
+
+def test_a_machine_with_a_history_begins_again_from_its_start_where_time_was_set_back() -> None:
+    twin = ttc.compile(ttc.machines.needle_transfer(), ["element_2_position_m"])
+    stamps, theta = motion(800)
+    session = twin.session()
+    both = session.step(np.tile(stamps, 2), np.tile(theta, 2))["element_2_position_m"]
+    fresh = twin.session().step(stamps[9:], theta[9:])["element_2_position_m"]
+    assert both.size == 798 + 789 and session.take_events()
+    assert np.max(np.abs(both[-400:] - fresh[-400:])) < 1e-6

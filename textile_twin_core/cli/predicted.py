@@ -11,6 +11,7 @@ from textile_twin_core.cli.progress import progress
 from textile_twin_core.cli.readings import read_angles, read_second, tell_unit
 from textile_twin_core.machine import AnyMachine, Machine
 from textile_twin_core.recordings.prediction import predictions
+from textile_twin_core.recordings.recorded_clock import one_record
 from textile_twin_core.twin import Samples, compile_machine
 from textile_twin_core.twin.predictor import StampedEvent
 
@@ -43,6 +44,7 @@ def predicted_blocks(
     """Return stamps [ns] and predictions at the recorded angles, and the events at stops and pads."""
     bag, angles = read_angles(arguments, machine)
     tell_unit(angles)
+    angles = one_record(angles)
     session = compile_machine(machine, outputs).session(shaft, **shaft_settings(arguments))
     with progress(len(angles), "predicting") as done:
         blocks, events = [], list[StampedEvent]()

@@ -13,7 +13,7 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.machine import Machine, TorqueSensor
 from textile_twin_core.twin.predictor import AnyTwin
-from textile_twin_core.twin.restart import RestartWatch
+from textile_twin_core.twin.restart import BACK_NS, RestartWatch
 
 TWO_PI = 2.0 * math.pi
 _RECENT = 1000
@@ -85,8 +85,17 @@ class ResidualStream:
     def predicted(
         self, stamps_ns: Iterable[int], torques_Nm: Iterable[float], thetas_rad: Iterable[float]
     ) -> list[Residual]:
-        """Take predictions, in order of time, and return the residuals that they complete."""
-        self._stamps.extend(stamps_ns)
+        """Take predictions and return the residuals that they complete.
+
+        Stamps increase; predictions of a call that begins before the last one are those of a clock that was set back.
+        """
+        stamps = list(stamps_ns)
+        if stamps and self._stamps and stamps[0] <= self._stamps[-1]:
+            self._drop_predictions()
+            if self._last_measured_ns is not None and self._last_measured_ns > stamps[0] + BACK_NS:
+                self._last_measured_ns = None  # the torque's clock is to be set back yet
+                self._waiting.clear()
+        self._stamps.extend(stamps)
         self._torques.extend(torques_Nm)
         self._thetas.extend(thetas_rad)
         ready = []
@@ -103,6 +112,8 @@ class ResidualStream:
         if self._restarts.restarted(stamp_ns):  # the sensor's clock was set back, or had been ahead
             self._last_measured_ns = None
             self._waiting.clear()
+            if self._stamps and self._stamps[-1] > stamp_ns + BACK_NS:  # the angle's is to be set back yet
+                self._drop_predictions()
         if self._last_measured_ns is not None and stamp_ns <= self._last_measured_ns:
             self.skipped["stamp not after the one before"] += 1
             return []
@@ -112,6 +123,11 @@ class ResidualStream:
             self._forget()
             return []
         return self._residual(stamp_ns, torque_Nm)
+
+    def _drop_predictions(self) -> None:
+        self._stamps.clear()
+        self._torques.clear()
+        self._thetas.clear()
 
     def _residual(self, stamp_ns: int, torque_Nm: float) -> list[Residual]:
         at = stamp_ns - self._delay_ns

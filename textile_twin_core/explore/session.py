@@ -50,6 +50,7 @@ class PageSession:
     def __init__(self, design: Design, recording: Overlay | None = None) -> None:
         self._history = History(design)
         self._pinned: Design | None = None
+        self._pinned_seen: tuple[Design, Analysis] | None = None
         self._task: dict[str, Any] = {}
         self._recording = recording
         self._front: tuple[FrontDesign, ...] = ()
@@ -101,7 +102,9 @@ class PageSession:
         except TwinError as error:
             head["problem"] = str(error)
         if self._pinned is not None:
-            head["pinned"] = analysis_head(analyse(self._pinned), arrays, {})
+            if self._pinned_seen is None or self._pinned_seen[0] is not self._pinned:
+                self._pinned_seen = self._pinned, analyse(self._pinned)
+            head["pinned"] = analysis_head(self._pinned_seen[1], arrays, {})
         if self._recording is not None:
             r = self._recording
             if head["analysis"]:
@@ -189,7 +192,7 @@ class PageSession:
 
     def _pin(self, message: Message) -> bytes:
         if message.get("on"):
-            self.analysis()
+            self._pinned_seen = self.design, self.analysis()
             self._pinned = self.design
         else:
             self._pinned = None

@@ -15,6 +15,7 @@ from textile_twin_core.machine import AnyMachine, Machine
 from textile_twin_core.recordings.bag import Bag
 from textile_twin_core.recordings.machine_topics import SECOND_ANGLE_TOPIC, MachineTopics, beside
 from textile_twin_core.recordings.predicted_topics import TORQUE
+from textile_twin_core.recordings.recorded_clock import one_record
 from textile_twin_core.recordings.recording import Progress
 from textile_twin_core.recordings.samples import AngleSamples, TorqueSamples
 from textile_twin_core.twin import Samples, Session, compile_machine
@@ -103,19 +104,21 @@ def recompute(
 ) -> PredictedTorque:
     """Predict the torque from recorded angles, and those of a second encoder, with the named shaft estimator."""
     session = compile_machine(machine, [TORQUE]).session(shaft, **shaft_settings)
+    received, angles = len(angles), one_record(angles)
     blocks = list(predictions(session, angles, progress, second))
     track, encoder = None, machine.sensors.encoder
     if shaft == "smooth":
         states = [block.states for block in blocks]
         track = track_of(states, int(angles.stamps[0]), encoder.direction, encoder.zero_rad * encoder.ratio)
         track = replace(track, slips=session.report.jumps)
+    rejected = session.report.rejected
     return PredictedTorque(
         stamps_ns=np.concatenate([np.asarray(block.stamps, np.int64) for block in blocks]),
         torque_Nm=np.concatenate([block[TORQUE] for block in blocks]),
         theta_rad=np.concatenate([block.theta_rad for block in blocks]),
         sigma_Nm=np.concatenate([block.torque_sigma_Nm for block in blocks]),
         settled=np.concatenate([block.settled for block in blocks]),
-        rejected=session.report.rejected,
+        rejected={**rejected, "older_stamp": rejected["older_stamp"] + received - len(angles)},
         track=track,
     )
 

@@ -10,6 +10,7 @@ import numpy as np
 from textile_twin_core.arrays import IntArray
 from textile_twin_core.recordings.samples import AngleSamples, TorqueSamples
 from textile_twin_core.shaft.counter import find_counter, unwrap_counter
+from textile_twin_core.twin.restart import RestartWatch
 
 _Samples = TypeVar("_Samples", AngleSamples, TorqueSamples)
 _STAMP_COUNTS_NS = {1e3: "us", 1e6: "ms", 1.0: "ns"}
@@ -40,24 +41,41 @@ def without_stamp_wraps(samples: _Samples) -> _Samples:
     return replace(samples, stamps=stamps, recorded_ns=samples.stamps, notes=(*samples.notes, note))
 
 
-def clock_notes(samples: AngleSamples | TorqueSamples) -> list[str]:
-    """Describe corrections on reading, and warn in one line if a clock was set back within recorded samples."""
+def clock_notes(samples: AngleSamples | TorqueSamples, restarts: bool = False) -> list[str]:
+    """Describe corrections on reading, and warn in one line if a clock was set back within recorded samples.
+
+    `restarts`: samples from there on are used, too, as another record.
+    """
     values = samples.angles_rad if isinstance(samples, AngleSamples) else samples.torque_Nm
     topic, stamps = samples.topic, samples.stamps[np.isfinite(values)]
     late = int(np.count_nonzero(stamps < np.maximum.accumulate(stamps)))
     if late <= _MANY_LATE * len(stamps):
         return [*samples.notes]
     what = set_back(stamps)
-    warning = f"topic {topic}: {what}; {late} of {len(stamps)} are not used until it is as late again"
-    return [*samples.notes, *([warning] if what else [])]
+    if not what:
+        return [*samples.notes]
+    unused = f"{late} of {len(stamps)} are not used until it is as late again"
+    return [*samples.notes, f"topic {topic}: {what}; {'the prediction restarts there' if restarts else unused}"]
 
 
-def on_one_clock(angles: AngleSamples, measured: TorqueSamples) -> tuple[TorqueSamples, list[str]]:
-    """Return the torques on the clock of the angles, and notes on both clocks.
+def one_record(angles: AngleSamples) -> AngleSamples:
+    """Drop the samples stamped before an earlier one if a clock was set back, so that the stamps are of one record."""
+    known = np.where(np.isfinite(angles.angles_rad), angles.stamps, np.iinfo(np.int64).min)
+    if not RestartWatch().restarts(angles.stamps):
+        return angles
+    kept = angles.stamps >= np.maximum.accumulate(known)
+    velocities = None if angles.velocities is None else angles.velocities[kept]
+    return replace(angles, stamps=angles.stamps[kept], angles_rad=angles.angles_rad[kept], velocities=velocities)
+
+
+def on_one_clock(
+    angles: AngleSamples, measured: TorqueSamples, restarts: bool = False
+) -> tuple[TorqueSamples, list[str]]:
+    """Return the torques on the clock of the angles, and notes on both clocks (`restarts` as in `clock_notes`).
 
     If only one clock was set back, torques cannot be matched with angles from there on, and are discarded.
     """
-    notes = [*clock_notes(angles), *clock_notes(measured)]
+    notes = [*clock_notes(angles, restarts), *clock_notes(measured, restarts)]
     known = np.isfinite(angles.angles_rad)
     of_angles, of_torques = _set_back_at(angles.stamps[known]), _set_back_at(measured.stamps)
     if of_angles and of_torques and abs(of_angles[1] - of_torques[1]) <= _SET_BACK_S:

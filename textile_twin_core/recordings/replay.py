@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
 from textile_twin_core.arrays import IntArray
-from textile_twin_core.comparison.residual import ResidualStream, load_steps
+from textile_twin_core.comparison.residual import Residual, ResidualStream, load_steps
 from textile_twin_core.machine import AnyMachine
 from textile_twin_core.recordings.bag import Bag
 from textile_twin_core.recordings.bag_write import BagWriter
@@ -22,6 +23,7 @@ from textile_twin_core.recordings.sample_times import evenly_timed, evenly_timed
 from textile_twin_core.recordings.samples import TorqueSamples
 from textile_twin_core.shaft import SampleReport
 from textile_twin_core.twin import Samples, compile_machine
+from textile_twin_core.twin.restart import RestartWatch
 
 _LOOK_AHEAD = 10
 """Number of later torques that reveal a stamp far ahead."""
@@ -67,13 +69,13 @@ def replay_bag(
             out.copy_topic(bag, name)
     out.add_topic(description, "std_msgs/msg/String", LATCHED)
     out.write(description, bag.start_ns, encode_string(machine.urdf()))
-    residual = None
-    clocks = clock_notes(angles)
+    residual = measured = None
+    clocks = clock_notes(angles, restarts=True)
     recorded_stamps = angles.stamps if angles.recorded_ns is None else angles.recorded_ns
     if topics.has_torque and bag.has_topic(recorded.torque_in(bag)):
-        steps = load_steps(compile_machine(machine, [TORQUE]))
-        stream = ResidualStream(machine.sensors.torque, steps)
-        measured, clocks = on_one_clock(angles, recorded.read_torques(bag))
+        measured, clocks = on_one_clock(angles, recorded.read_torques(bag), restarts=True)
+    if measured is not None and len(measured):
+        stream = ResidualStream(machine.sensors.torque, load_steps(compile_machine(machine, [TORQUE])))
         angles, torque, timings = evenly_timed(angles, measured, machine)
         recorded_torques = measured.stamps if measured.recorded_ns is None else measured.recorded_ns
         residual = _Residual(stream, torque, recorded_torques, out, writer.residual)
@@ -131,29 +133,52 @@ class _Residual:
     ) -> None:
         self._stream, self._torque, self._out, self._topic = stream, torque, out, topic
         self._stamps = None if torque.stamps is stamps else stamps  # as recorded
+        self._restarts = [*RestartWatch().restarts(torque.stamps), len(torque)]
+        """Torques from which on a clock that was set back counts again, and their number."""
         # A single stamp far ahead must not block the later ones.
-        later = np.concatenate([torque.stamps, np.full(_LOOK_AHEAD, np.iinfo(np.int64).max)])
-        self._due = np.lib.stride_tricks.sliding_window_view(later, _LOOK_AHEAD + 1).min(axis=1)
-        self._next = 0
+        highest = np.full(_LOOK_AHEAD, np.iinfo(np.int64).max)
+        due = []
+        for begin, end in pairwise([0, *self._restarts]):
+            later = np.concatenate([torque.stamps[begin:end], highest])
+            due.append(np.lib.stride_tricks.sliding_window_view(later, _LOOK_AHEAD + 1).min(axis=1))
+        self._due = np.concatenate(due)
+        self._begun = self._next = 0
+        self._newest: int | None = None
 
     def write(self, samples: Samples) -> None:
         """Add a block of predictions and the torques measured meanwhile."""
         stamps: IntArray = np.asarray(samples.stamps, np.int64)
-        found = []
-        start = 0
-        while start < len(stamps):
-            end = int(np.searchsorted(stamps, stamps[start] + _RESIDUAL_STEP_NS))
-            part = slice(start, end)
-            found += self._stream.predicted(
-                stamps[part].tolist(), samples[TORQUE][part].tolist(), samples.theta_rad[part].tolist()
-            )
-            while self._next < len(self._torque) and self._due[self._next] <= stamps[end - 1]:
-                k = self._next
-                found += self._stream.measured(int(self._torque.stamps[k]), float(self._torque.torque_Nm[k]))
-                self._next += 1
-            start = end
+        for begin, end in pairwise([0, *np.flatnonzero(np.diff(stamps) <= 0) + 1, len(stamps)]):
+            if self._newest is not None and stamps[begin] <= self._newest:
+                self._write(self._measured_until(None))
+                if len(self._restarts) > 1:
+                    self._begun = self._restarts.pop(0)
+            self._newest = int(stamps[end - 1])
+            found: list[Residual] = []
+            start = begin
+            while start < end:
+                to = begin + int(np.searchsorted(stamps[begin:end], stamps[start] + _RESIDUAL_STEP_NS))
+                part = slice(start, to)
+                found += self._stream.predicted(
+                    stamps[part].tolist(), samples[TORQUE][part].tolist(), samples.theta_rad[part].tolist()
+                )
+                found += self._measured_until(int(stamps[to - 1]))
+                start = to
+            self._write(found)
+
+    def _measured_until(self, stamp_ns: int | None) -> list[Residual]:
+        """Add the torques due by a stamp, or all up to where their clock was set back."""
+        found: list[Residual] = []
+        while self._next < self._restarts[0] and (stamp_ns is None or self._due[self._next] <= stamp_ns):
+            k = self._next
+            found += self._stream.measured(int(self._torque.stamps[k]), float(self._torque.torque_Nm[k]))
+            self._next += 1
+        return found
+
+    def _write(self, found: list[Residual]) -> None:
         if found:
             times = np.array([residual.stamp_ns for residual in found], np.int64)
             if self._stamps is not None:
-                times = self._stamps[np.searchsorted(self._torque.stamps, times)]
+                part = slice(self._begun, self._restarts[0])
+                times = self._stamps[part][np.searchsorted(self._torque.stamps[part], times)]
             self._out.write_wrenches(self._topic, times, np.array([residual.residual_Nm for residual in found]))

@@ -122,6 +122,10 @@ class ShaftEstimator:
         self._begin()
         return ShaftStates.empty(self._last)
 
+    def forget_newest(self) -> None:
+        """Accept stamps older than the newest one; call it after `finish`, where a clock was set back."""
+        self._last[0] = np.iinfo(np.int64).min // 2
+
     @property
     def report(self) -> SampleReport:
         """Counts of accepted and rejected samples and of events, and the estimated parameters."""

@@ -95,6 +95,10 @@ class ElasticPredictor:
         """Return no events: an elastic shaft has no impacts."""
         return ()
 
+    def restart(self) -> None:
+        """Begin another record; the estimate of the drive remains."""
+        self._second.restart()
+
     def reset(self) -> None:
         """Forget all readings and the estimate of the drive."""
         self._held = []

@@ -165,10 +165,14 @@ class HistoryPredictor:
         self._events.clear()
         return taken
 
-    def reset(self) -> None:
-        """Reset the machine to its start state."""
+    def restart(self) -> None:
+        """Begin another record with the machine in its start state; waiting events remain."""
         self.motion.reset()
         self._first = None
+
+    def reset(self) -> None:
+        """Reset the machine to its start state."""
+        self.restart()
         self._events.clear()
 
 

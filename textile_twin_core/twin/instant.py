@@ -119,8 +119,10 @@ class InstantPredictor:
         """Return no events: a single instant has no interval."""
         return ()
 
-    def reset(self) -> None:
+    def restart(self) -> None:
         """Do nothing; there is no state."""
+
+    reset = restart
 
 
 def windings(twin: InstantTwin) -> dict[str, float]:

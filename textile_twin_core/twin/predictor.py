@@ -82,6 +82,10 @@ class Predictor(Protocol):
         """Remove and return the events since the last call; empty without a history."""
         ...
 
+    def restart(self) -> None:
+        """Begin another record on stamps that were set back; call it after `finish`."""
+        ...
+
     def reset(self) -> None:
         """Reset the state."""
         ...

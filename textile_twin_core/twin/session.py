@@ -24,6 +24,7 @@ from textile_twin_core.machine.sensors import Encoder
 from textile_twin_core.shaft import SampleReport, ShaftStates, create_estimator
 from textile_twin_core.shaft.turns import TURN, TURN_TAIL
 from textile_twin_core.twin.predictor import AnyTwin, Predictor, SecondEncoderPredictor, StampedEvent, names_text
+from textile_twin_core.twin.restart import RestartWatch
 from textile_twin_core.twin.sense import SENSE_SIGMAS
 
 _PIECE = 65_536
@@ -128,6 +129,16 @@ class Samples:
             sigma[piece] = np.sqrt(np.maximum(part.variance_of(gradient), 0.0))
         return sigma
 
+    @classmethod
+    def join(cls, parts: Sequence[Samples]) -> Samples:
+        """Concatenate predictions of one session."""
+        states = ShaftStates.join([part.states for part in parts])
+        outputs = {name: np.concatenate([part[name] for part in parts]) for name in parts[0].outputs}
+        uncertainty = parts[0]._uncertainty
+        if isinstance(uncertainty, np.ndarray):
+            uncertainty = np.concatenate([part.torque_sigma_Nm for part in parts])
+        return cls(states, outputs, uncertainty)
+
 
 def encoder_settings(encoder: Encoder) -> dict[str, Any]:
     """Return the settings of a shaft estimator for an encoder, in terms of the shaft angle."""
@@ -168,6 +179,7 @@ class Session:
         self._factor = self._encoder.direction * self._encoder.ratio
         self._estimator = create_estimator(shaft, **(encoder_settings(self._encoder) | settings))
         self._predictor = twin.predictor(shaft)
+        self._restarts = RestartWatch()
         # an elastic shaft is observed from causal states in every view; the name `shaft` has been checked above
         if self._predictor.estimator is not None:
             settings.pop("shaft_lag_s", None)
@@ -189,6 +201,11 @@ class Session:
         return self._estimator.report
 
     @property
+    def restarts(self) -> int:
+        """Number of times that the stamps were set back; each begins another record."""
+        return self._restarts.count
+
+    @property
     def at_once(self) -> bool:
         """True if single samples cost less than a block of them."""
         return self._predictor.at_once and self._estimator.at_once
@@ -198,6 +215,7 @@ class Session:
 
         From the third accepted sample on, each accepted sample gets one prediction. Estimators that look ahead return
         it later, or from `finish`. Samples that are not finite or not newer than the last are rejected (see `report`).
+        Stamps that were set back by more than a second begin another record, as after `finish`, with the tenth of them.
 
         Args:
             stamps: (n,) integers [ns] or floats [s].
@@ -210,9 +228,19 @@ class Session:
         Raises:
             MotionError: Arrays of different lengths, or stamps that change between integers and floats.
         """
+        stamp = np.asarray(stamps)
         angle = (np.asarray(angles, dtype=np.float64) - self._encoder.zero_rad) * self._factor
         velocity = None if velocities is None else np.asarray(velocities, dtype=np.float64) * self._factor
-        return self._predict(self._estimator.step(stamps, angle, velocity))
+        parts, begin = [], 0
+        for place in self._restarts.restarts(stamp):
+            before = slice(begin, place)
+            known = None if velocity is None else velocity[before]
+            parts += [self._predict(self._estimator.step(stamp[before], angle[before], known)), self._begin_record()]
+            begin = place
+        if not parts:
+            return self._predict(self._estimator.step(stamp, angle, velocity))
+        known = None if velocity is None else velocity[begin:]
+        return Samples.join([*parts, self._predict(self._estimator.step(stamp[begin:], angle[begin:], known))])
 
     def take_second(self, stamps: npt.ArrayLike, angles: npt.ArrayLike) -> None:
         """Take readings of the second encoder of an elastic shaft; call it before `step`.
@@ -249,6 +277,12 @@ class Session:
         Returns:
             The predictions that are available now, in order.
         """
+        if self._restarts.restarted(stamp):
+            last = tuple(self._begin_record().rows(sigma))
+            return (*last, *self._step_one(stamp, angle, velocity, sigma))
+        return self._step_one(stamp, angle, velocity, sigma)
+
+    def _step_one(self, stamp: int | float, angle: float, velocity: float | None, sigma: bool) -> Sequence[Sample]:
         angle = (angle - self._encoder.zero_rad) * self._factor
         velocity = math.nan if velocity is None else velocity * self._factor
         if sigma or not (self._predictor.at_once and self._estimator.serves_one(stamp)):
@@ -285,10 +319,18 @@ class Session:
         """End the record and return the waiting predictions; later samples begin another record in the same report."""
         return Samples(*self._predictor.finish(self._estimator.finish()))
 
+    def _begin_record(self) -> Samples:
+        """End the record, as `finish` does, and accept older stamps from here on."""
+        last = self.finish()
+        self._estimator.forget_newest()
+        self._predictor.restart()
+        return last
+
     def reset(self) -> None:
         """Reset everything, the report and the newest stamp included."""
         self._estimator.reset()
         self._predictor.reset()
+        self._restarts.reset()
 
     def _predict(self, states: ShaftStates) -> Samples:
         return Samples(*self._predictor.predict(states))

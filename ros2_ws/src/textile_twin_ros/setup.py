@@ -58,7 +58,7 @@ setup(
         (f"share/{PACKAGE}/diagnostics", files("diagnostics/*.yaml")),
         (f"share/{PACKAGE}/layouts", files("layouts/*")),
     ],
-    python_requires=">=3.10",
+    python_requires=">=3.11",
     install_requires=["setuptools"],
     extras_require={"test": ["pytest"]},
     zip_safe=False,

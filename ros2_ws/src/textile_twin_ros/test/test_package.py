@@ -18,9 +18,11 @@
 
 from __future__ import annotations
 
+import ast
 import dataclasses
 import importlib
 import json
+import re
 import runpy
 import sys
 import xml.etree.ElementTree as ElementTree
@@ -148,6 +150,29 @@ def test_the_manifest_is_of_a_python_package() -> None:
     manifest = ElementTree.parse(PACKAGE / "package.xml").getroot()
     assert manifest.findtext("name") == "textile_twin_ros"
     assert manifest.findtext("export/build_type") == "ament_python"
+
+
+def test_the_manifest_names_every_package_that_is_imported() -> None:
+    """Extras of the core (OPC UA, Modbus, the viewer, Parquet) stay optional: a node that needs one says so."""
+    manifest = ElementTree.parse(PACKAGE / "package.xml").getroot()
+    declared = {each.text for each in manifest.iter("exec_depend")}
+    keys = {"numpy": "python3-numpy", "yaml": "python3-yaml", "textile_twin_core": "python3-textile-twin-core-pip"}
+    optional = {"asyncua", "cryptography", "pyarrow", "pymodbus", "rerun"}
+    imported: set[str] = set()
+    for file in sorted((PACKAGE / "textile_twin_ros").glob("*.py")):
+        for node in ast.walk(ast.parse(file.read_text())):
+            names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            names += [each.name for each in node.names] if isinstance(node, ast.Import) else []
+            imported |= {name.partition(".")[0] for name in names}
+    imported -= sys.stdlib_module_names | optional | {"textile_twin_ros"}
+    assert {"rcl_interfaces", "yaml", "rclpy"} <= imported
+    assert {keys.get(name, name) for name in imported} <= declared
+
+
+def test_the_package_asks_for_the_core_s_python() -> None:
+    core = (PACKAGE.parents[2] / "pyproject.toml").read_text()
+    oldest = re.search(r'requires-python = "(>=3[.]\d+)', core)
+    assert oldest is not None and f'python_requires="{oldest[1]}"' in (PACKAGE / "setup.py").read_text()
 
 
 def test_analyzers_take_every_status_of_the_suite_once() -> None:

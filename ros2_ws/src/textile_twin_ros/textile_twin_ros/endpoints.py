@@ -22,13 +22,13 @@ import math
 import time
 from collections.abc import Iterable
 
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from textile_twin_core.errors import SceneError
 from textile_twin_core.recordings import OfferedQos
+from textile_twin_ros.publishing import RCLError
 
 STARTED = time.monotonic()
 _DISCOVERY_S = 5.0
@@ -55,7 +55,7 @@ def topic_name(node: Node, topic: str, parameter: str) -> str:
     """
     try:
         return str(node.resolve_topic_name(topic))
-    except rclpy_implementation.RCLError as error:
+    except RCLError as error:
         rule = str(error).removeprefix("failed to resolve name: ").partition(", at /")[0]
         raise SceneError(f"parameter '{parameter}': '{topic}' is no topic: {rule}") from error
 

@@ -217,9 +217,14 @@ class FaultNode(Node):
 
     def _on_list(self, _request: SelfTest.Request, response: SelfTest.Response) -> SelfTest.Response:
         """All faults, the oldest first: a status each."""
-        faults = self._book.faults(self._source)
-        response.id, response.passed = self.settings.book, OK
-        response.status = [_status(fault) for fault in faults]
+        response.id = self.settings.book
+        try:
+            faults = self._book.faults(self._source)
+        except TwinError as error:
+            response.passed = ERROR
+            response.status = [DiagnosticStatus(level=ERROR, name="fault book", message=str(error))]
+            return response
+        response.passed, response.status = OK, [_status(fault) for fault in faults]
         return response
 
     def _on_acknowledge(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

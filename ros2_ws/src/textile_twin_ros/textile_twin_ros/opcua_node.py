@@ -38,7 +38,7 @@ from textile_twin_ros.messages import JointTemplate, TorqueReader, WrenchTemplat
 from textile_twin_ros.opcua_security import ClientSecurity, ClientSecurityParameters, declare_connection
 from textile_twin_ros.opcua_values import Value, Values
 from textile_twin_ros.parameters import parameter
-from textile_twin_ros.sending import Send, patient
+from textile_twin_ros.publishing import Publish, create_publish
 from textile_twin_ros.spinning import EXECUTORS, finish_with, run
 
 if TYPE_CHECKING:
@@ -115,11 +115,11 @@ class OpcuaNode(Node):
     def _create_topics(self) -> None:
         qos = samples_qos(depth_for(self.settings.rate_hz))
         self._angle, self._torque = JointTemplate(["main_shaft"], velocities=False), WrenchTemplate("main_shaft")
-        self._send_angle = patient(self.create_publisher(JointState, "main_shaft/angle", qos).publish)
+        self._send_angle = create_publish(self, JointState, "main_shaft/angle", qos)
         has_torque = "torque" in self._ids
-        self._send_torque: Send | None = None
+        self._send_torque: Publish | None = None
         if has_torque:
-            self._send_torque = patient(self.create_publisher(WrenchStamped, "balancing_torque/measured", qos).publish)
+            self._send_torque = create_publish(self, WrenchStamped, "balancing_torque/measured", qos)
         if "predicted" in self._ids:
             reader = TorqueReader()
 

@@ -36,7 +36,7 @@ from textile_twin_ros.messages import JointTemplate, TorqueReader, WrenchTemplat
 from textile_twin_ros.pacing import Pace
 from textile_twin_ros.parameters import declare, parameter
 from textile_twin_ros.plc_registers import RefusedError, Register, Registers
-from textile_twin_ros.sending import Send, patient
+from textile_twin_ros.publishing import Publish, create_publish
 from textile_twin_ros.spinning import EXECUTORS, finish_with, run
 
 _RETRY_S = 1.0
@@ -107,10 +107,10 @@ class PlcNode(Node):
     def _create_topics(self, has_torque: bool) -> None:
         qos = samples_qos(depth_for(self.settings.rate_hz))
         self._angle, self._torque = JointTemplate(["main_shaft"], velocities=False), WrenchTemplate("main_shaft")
-        self._send_angle = patient(self.create_publisher(JointState, "main_shaft/angle", qos).publish)
-        self._send_torque: Send | None = None
+        self._send_angle = create_publish(self, JointState, "main_shaft/angle", qos)
+        self._send_torque: Publish | None = None
         if has_torque:
-            self._send_torque = patient(self.create_publisher(WrenchStamped, "balancing_torque/measured", qos).publish)
+            self._send_torque = create_publish(self, WrenchStamped, "balancing_torque/measured", qos)
         if self._predicted is not None:
             reader = TorqueReader()
 

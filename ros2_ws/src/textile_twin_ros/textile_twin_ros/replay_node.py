@@ -36,7 +36,7 @@ from textile_twin_ros.own_topics import published_by_twins
 from textile_twin_ros.pacing import Pace
 from textile_twin_ros.parameters import declare, parameter
 from textile_twin_ros.played_times import PlayedTimes
-from textile_twin_ros.sending import patient
+from textile_twin_ros.publishing import retry_publish
 from textile_twin_ros.spinning import EXECUTORS, finish_with, run
 
 _LOOK_S = 0.02
@@ -95,7 +95,7 @@ class ReplayNode(Node):
         self._bag = open_bag(self.settings.bag)
         self._topics = self._chosen_topics()
         self._outlets = {topic: self._create_publisher(topic) for topic in self._topics}
-        self._senders = {topic: patient(outlet.publish) for topic, outlet in self._outlets.items()}
+        self._senders = {topic: retry_publish(outlet.publish) for topic, outlet in self._outlets.items()}
         self._headed = {topic for topic in self._topics if has_header(message_class(self._bag.topics[topic].msgtype))}
         self._clock_publisher = (
             self.create_publisher(Clock, "/clock", samples_qos(10)) if self.settings.clock_rate_hz else None

@@ -36,7 +36,7 @@ from textile_twin_ros.machine import load_machine
 from textile_twin_ros.messages import SECOND_NS, HeaderTemplate, JointTemplate, WrenchTemplate
 from textile_twin_ros.pacing import Pace
 from textile_twin_ros.parameters import declare, parameter
-from textile_twin_ros.sending import Send, patient
+from textile_twin_ros.publishing import Publish, create_publish
 from textile_twin_ros.sensor_parameters import EncoderParameters
 from textile_twin_ros.shaft_motion import TURN, Marks, SimulatedEncoder, SimulatedShaft, SimulatedTorqueSensor
 from textile_twin_ros.spinning import EXECUTORS, finish_with, run
@@ -89,9 +89,9 @@ class ShaftNode(Node):
         self._torque = WrenchTemplate("main_shaft")
         qos = samples_qos(depth_for(parameters.rate_hz))
         self._publish_angle = self._create_angle(encoder, qos)
-        self._send_torque: Send | None = None
+        self._send_torque: Publish | None = None
         if self._twin is not None:
-            self._send_torque = patient(self.create_publisher(WrenchStamped, "balancing_torque/measured", qos).publish)
+            self._send_torque = create_publish(self, WrenchStamped, "balancing_torque/measured", qos)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=finish_with, args=(self.finished, self._work), name="shaft")
         self._thread.start()
@@ -105,20 +105,26 @@ class ShaftNode(Node):
         edges, index = self.settings.angle_type == "edges", self.settings.index
         check_reference(encoder, edges, index)
         motion, wheel = self._motion, self._encoder
-        marks: list[tuple[Send, Marks]] = []
+        marks: list[tuple[Publish, Marks]] = []
         pitch = TURN / encoder.teeth if encoder.teeth else 0.0
         if edges:
             teeth = [k * pitch for k in range(encoder.teeth - encoder.missing_teeth)]
             marks.append(
-                (patient(self.create_publisher(Header, "main_shaft/angle", qos).publish), Marks(teeth, motion, wheel))
+                (
+                    create_publish(self, Header, "main_shaft/angle", qos),
+                    Marks(teeth, motion, wheel),
+                )
             )
         if index:
             place = [TURN - 0.5 * pitch] if edges else [0.0]  # before tooth 0
             marks.append(
-                (patient(self.create_publisher(Header, "main_shaft/index", qos).publish), Marks(place, motion, wheel))
+                (
+                    create_publish(self, Header, "main_shaft/index", qos),
+                    Marks(place, motion, wheel),
+                )
             )
         event, angle = HeaderTemplate("main_shaft"), JointTemplate(["main_shaft"], velocities=False)
-        send_angle = None if edges else patient(self.create_publisher(JointState, "main_shaft/angle", qos).publish)
+        send_angle = None if edges else create_publish(self, JointState, "main_shaft/angle", qos)
         switched_on = wheel.turned(0.0) if index else 0.0
 
         def publish(start_ns: int, time_s: float, before_s: float) -> None:

@@ -36,17 +36,17 @@ from rclpy.clock import Clock, ClockType
 from rclpy.context import Context
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.executors import Executor, SingleThreadedExecutor
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from textile_twin_core.errors import SceneError, TwinError, how_to_install
 from textile_twin_ros.commands import ENDING_SIGNALS
+from textile_twin_ros.publishing import RCLError, UnknownROSArgsError
 from textile_twin_ros.usage import explain, read_words
 
 EXECUTORS = ("events", "single")
-_REFUSALS = (InvalidParameterTypeException, InvalidParameterValueException, rclpy_implementation.RCLError)
+_REFUSALS = (InvalidParameterTypeException, InvalidParameterValueException, RCLError)
 # How soon it is noticed that the node has finished or has to end.
 _LOOK_S = 0.2
 # Each spin of the events executor leaves 32 bytes behind, and each callback of the other one adds to the future of the
@@ -163,7 +163,7 @@ def run(command: str, create: Callable[[], SuiteNode], declaration: type, argume
     except BrokenPipeError:  # who reads the help has enough, as `head` does
         _say_no_more()
         return 0
-    except rclpy_implementation.UnknownROSArgsError as error:
+    except UnknownROSArgsError as error:
         return _tell(command, f"not known after --ros-args: {error}; a parameter is written as -p NAME:=VALUE")
     except Exception as error:  # rclpy's argument errors have no common base
         return _tell(command, explain(error))

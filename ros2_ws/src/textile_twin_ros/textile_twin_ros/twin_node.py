@@ -23,7 +23,6 @@ from dataclasses import dataclass
 from functools import wraps
 
 from lifecycle_msgs.srv import ChangeState
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.task import Future
 from std_srvs.srv import Trigger
@@ -34,11 +33,12 @@ from textile_twin_core.twin.encoder_reference import check_reference
 from textile_twin_core.twin.session import has_second_encoder
 from textile_twin_ros.description import Description
 from textile_twin_ros.diagnostics import OK, WARN, DiagnosticsPublisher, Status
-from textile_twin_ros.endpoints import depth_for, publisher_name, refuse_own_outputs
+from textile_twin_ros.endpoints import QUEUE_S, depth_for, publisher_name, refuse_own_outputs
 from textile_twin_ros.health import Finding, MeasuredTorque, judged
 from textile_twin_ros.machine import load_machine
 from textile_twin_ros.own_topics import DESCRIPTIONS, INDEX, INPUTS, SECOND_ANGLE
 from textile_twin_ros.parameters import declare, parameter
+from textile_twin_ros.publishing import RCLError
 from textile_twin_ros.sample_inputs import Sample
 from textile_twin_ros.sensor_parameters import SensorParameters
 from textile_twin_ros.shaft_inputs import AngleInput, SecondAngleInput, TorqueInput
@@ -112,6 +112,7 @@ class TwinNode(LifecycleNode):
         self._description: Description | None = None
         self._measured = MeasuredTorque()
         self._active = False
+        self._dropped = 0
         self._starting = self.settings.autostart
         self._refuse_what_does_not_fit()
         self.create_service(Trigger, "~/reset", self._on_reset)
@@ -132,7 +133,7 @@ class TwinNode(LifecycleNode):
         def answer(request: ChangeState.Request, response: ChangeState.Response) -> ChangeState.Response:
             try:
                 return change(request, response)
-            except rclpy_implementation.RCLError:  # which the middleware has logged
+            except RCLError:  # which the middleware has logged
                 response.success = False
                 return response
 
@@ -234,6 +235,14 @@ class TwinNode(LifecycleNode):
         stream = self._stream
         if stream is None:
             return
+        dropped = stream.retry()
+        if dropped > self._dropped:
+            self.get_logger().error(
+                f"{dropped - self._dropped} messages dropped: the middleware has not taken them for"
+                f" {QUEUE_S:g} s; the computer has too little processor time, or a subscriber hangs",
+                throttle_duration_sec=10.0,
+            )
+        self._dropped = dropped
         torque = self._torque
         stream.choose_outputs(measured=torque is not None and (torque.watch.received > 0 or torque.has_publishers()))
         if self._starting and all(
@@ -293,7 +302,7 @@ class TwinNode(LifecycleNode):
         self._torque.restart()
         if self._second is not None:
             self._second.restart()
-        response.success, response.message = True, "estimator, residuals and counts begin anew"
+        response.success, response.message = True, "estimator, residuals and counts are reset"
         return response
 
 

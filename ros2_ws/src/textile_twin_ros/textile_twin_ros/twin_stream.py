@@ -28,14 +28,13 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from textile_twin_core.comparison.residual import Residual, ResidualStream, load_steps
 from textile_twin_core.machine import AnyMachine
 from textile_twin_core.shaft import SampleReport
-from textile_twin_core.twin.restart import RestartWatch
 from textile_twin_core.twin.session import Sample, has_second_encoder
 from textile_twin_ros import contact_events
 from textile_twin_ros.diagnostics import OK, WARN, Status
 from textile_twin_ros.endpoints import samples_qos
 from textile_twin_ros.health import Recent, judged, residual_findings, sample_counts, stalled_findings, state_level
 from textile_twin_ros.messages import message_class
-from textile_twin_ros.sending import Send, patient
+from textile_twin_ros.publishing import Publish, PublishQueue
 from textile_twin_ros.twin_outputs import (
     RESIDUAL_TOPIC,
     SIGMA_TOPIC,
@@ -87,10 +86,9 @@ class TwinStream:
         self._session = self._idle.session(shaft, **settings)
         # One by one then costs less than a block, and gives the first of a block that came late sooner.
         self._at_once = self._session.at_once and not self._has_history
-        self._restarts = RestartWatch()
         self._wanted: list[Output] = []
         self._wants_residual = self._wants_sigma = False
-        self._calls: list[tuple[Callable[[Sample], bytes | None], Send]] = []
+        self._calls: list[tuple[Callable[[Sample], bytes | None], Publish]] = []
         self._warm_up()
         self.publishers: dict[str, LifecyclePublisher] = {
             topic: node.create_lifecycle_publisher(
@@ -101,6 +99,7 @@ class TwinStream:
             )
             for topic, msgtype in topics_of(machine).items()
         }
+        self._queues = {topic: PublishQueue(publisher.publish, depth) for topic, publisher in self.publishers.items()}
 
     def destroy(self) -> None:
         """Remove the publishers."""
@@ -111,7 +110,6 @@ class TwinStream:
         """Forget all samples."""
         self._session.reset()
         self._residuals.reset()
-        self._restarts.reset()
 
     def choose_outputs(self, measured: bool) -> None:
         """Compile the outputs that have listeners now.
@@ -125,7 +123,7 @@ class TwinStream:
             return
         self._wanted, self._wants_residual = wanted, residual
         self._wants_sigma = any(output.topic == SIGMA_TOPIC for output in wanted)
-        self._calls = [(output.message, self._sender(output.topic)) for output in wanted]
+        self._calls = [(output.message, self._queues[output.topic].send) for output in wanted]
         if not self._has_history:
             needs = self._needs(wanted, (TORQUE,) if residual else ())
             self._session.use(self._compile(needs) if needs else self._idle)
@@ -141,27 +139,7 @@ class TwinStream:
 
     def take_angles(self, block: list[tuple[int, float, float]]) -> None:
         """Predict from samples: stamp [ns], angle [rad], speed [rad/s] or NaN."""
-        begin = 0
-        for number, (stamp, _, _) in enumerate(block):
-            if self._restarts.restarted(stamp):
-                self._node.get_logger().warning(
-                    "the stamps of the shaft angle went back and go on from there: all begins anew",
-                    throttle_duration_sec=_REPEAT_S,
-                )
-                self._predict(block[begin:number])
-                self.flush()
-                self._session.reset()
-                self._residuals.reset()
-                begin = number
-        self._predict(block[begin:])
-
-    def take_second_angles(self, block: list[tuple[int, float, float]]) -> None:
-        """Give the session readings of a second encoder: stamp [ns], angle [rad]."""
-        self._session.take_second(
-            np.array([stamp for stamp, *_ in block], np.int64), np.array([angle for _, angle, _ in block])
-        )
-
-    def _predict(self, block: list[tuple[int, float, float]]) -> None:
+        before = self._session.restarts
         if len(block) < 2 or (self._at_once and not self._wants_sigma):
             for stamp, angle, speed in block:
                 known = None if math.isnan(speed) else speed
@@ -172,6 +150,17 @@ class TwinStream:
             self._publish(samples.rows(self._wants_sigma))
         if self._has_history:
             self._publish_events()
+        if self._session.restarts > before:
+            self._node.get_logger().warning(
+                "the stamps of the shaft angle went back and go on from there: the prediction restarts",
+                throttle_duration_sec=_REPEAT_S,
+            )
+
+    def take_second_angles(self, block: list[tuple[int, float, float]]) -> None:
+        """Give the session readings of a second encoder: stamp [ns], angle [rad]."""
+        self._session.take_second(
+            np.array([stamp for stamp, *_ in block], np.int64), np.array([angle for _, angle, _ in block])
+        )
 
     def take_torques(self, block: list[tuple[int, float]]) -> None:
         """Hold measured torques against the prediction: stamp [ns], torque [N m]."""
@@ -180,6 +169,12 @@ class TwinStream:
         if self._wants_residual:
             for stamp, torque in block:
                 self._publish_residuals(self._residuals.measured(stamp, torque))
+
+    def retry(self) -> int:
+        """Publish messages that the middleware refused before; return the number of those dropped so far."""
+        for queue in self._queues.values():
+            queue.retry()
+        return sum(queue.dropped for queue in self._queues.values())
 
     def flush(self) -> None:
         """Publish the last samples of an estimator that looks ahead."""
@@ -192,7 +187,7 @@ class TwinStream:
 
     def sample_counts(self, report: SampleReport) -> dict[str, float]:
         """Counts of the angle samples."""
-        return sample_counts(report, self._restarts.count)
+        return sample_counts(report, self._session.restarts)
 
     @staticmethod
     def estimator_status(shaft: str, report: SampleReport) -> Status:
@@ -216,10 +211,6 @@ class TwinStream:
         apart_s = residuals.apart_s if both_come else math.nan
         return judged(status, [*stalled_findings(growth, apart_s), *findings])
 
-    def _sender(self, topic: str) -> Send:
-        """Return the function that sends a serialised message on a topic."""
-        return patient(self.publishers[topic].publish)
-
     def _publish(self, samples: Iterable[Sample]) -> None:
         for sample in samples:
             for message_of, send in self._calls:
@@ -233,13 +224,13 @@ class TwinStream:
     def _publish_residuals(self, residuals: list[Residual]) -> None:
         if residuals and self.publishers[RESIDUAL_TOPIC].get_subscription_count():
             for message in self._residual_messages.messages(residuals):
-                self.publishers[RESIDUAL_TOPIC].publish(message)
+                self._queues[RESIDUAL_TOPIC].send(message)
 
     def _publish_events(self) -> None:
         """Publish the contact events; they are taken without a listener too, or they would pile up."""
         events = self._session.take_events()
         if events and self.publishers[contact_events.TOPIC].get_subscription_count():
-            self.publishers[contact_events.TOPIC].publish(contact_events.contact_message(events, self._machine))
+            self._queues[contact_events.TOPIC].send(contact_events.contact_message(events, self._machine))
 
     def _warm_up(self) -> None:
         """Run every path once, so that the first sample does not wait for objects made at first use."""
