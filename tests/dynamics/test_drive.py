@@ -53,7 +53,7 @@ def test_coast_down_by_viscous_and_dry_friction_ends_at_standstill() -> None:
     exact = (w0 + m / c) * np.exp(-c * t[moving] / j) - m / c
     assert np.allclose(run.omega_rad_s[moving], exact, atol=1e-10)
     assert not run.omega_rad_s[~moving].any()
-    assert run.load_work_J["ShaftFriction"][-1] == pytest.approx(-0.5 * j * w0**2, rel=1e-11)
+    assert run.load_work_J["shaft_friction"][-1] == pytest.approx(-0.5 * j * w0**2, rel=1e-11)
 
 
 def test_dry_friction_holds_until_the_drive_breaks_it_loose() -> None:
@@ -123,7 +123,7 @@ def test_run_up_of_the_tufting_machine_against_another_integrator() -> None:
     assert run.omega_rad_s[-1] > 5.0
     assert np.abs(run.theta_rad - other.y[0]).max() < 2e-5
     assert np.abs(run.energy_error_J).max() < 1e-8 * run.kinetic_energy_J.max()
-    assert {e.loads for e in run.events if e.kind == "leaps"} == {("Backing",)}
+    assert {e.loads for e in run.events if e.kind == "leaps"} == {("backing",)}
     entries = [e.theta_rad % (2.0 * math.pi) for e in run.events if e.kind == "leaps"]
     known = sorted(e.angle_rad for e in machine.events())
     assert all(min(abs(a - b) for b in known) < 1e-12 for a in entries)
@@ -298,7 +298,7 @@ def test_a_needle_that_barely_enters_the_backing_is_not_missed(depth_m: float) -
         leaps = [e for e in run.events if e.kind == "leaps"]
         inside = [e for e in leaps if abs(math.remainder(e.theta_rad - lowest, TURN)) < 0.05]
         assert len(inside) in (2, 3)  # in, the turn of the friction where it is felt, out
-        assert run.load_work_J["Backing"][-1] == pytest.approx(-2000.0 * depth_m, rel=1e-3, abs=1e-11)
+        assert run.load_work_J["backing"][-1] == pytest.approx(-2000.0 * depth_m, rel=1e-3, abs=1e-11)
 
 
 @pytest.mark.parametrize("torque", [18.0, 300.0])

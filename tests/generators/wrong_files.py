@@ -12,7 +12,7 @@ import numpy as np
 from tests.generators.configured_machine import configured_machine
 from tests.generators.mill_recordings import Case
 from textile_twin_core.errors import MachineError
-from textile_twin_core.inference.priors import WorkingPoint, parameter_path, parameters
+from textile_twin_core.inference.priors import WorkingPoint, parameters
 from textile_twin_core.machine import Machine
 from textile_twin_core.machine.slots import read, slots, write
 
@@ -26,7 +26,7 @@ def wrong_files(case: Case) -> Iterator[tuple[str, float, Machine]]:
     """One file for each kind of mistake: path of the wrong number, the factor on it, and the machine of the file."""
     rng = np.random.default_rng([case.seed, 99])
     machine = configured_machine(case)
-    values, paths = read(machine), {slot.name: parameter_path(slot) for slot in slots(machine)}
+    values, paths = read(machine), {slot.name: slot.path for slot in slots(machine)}
     for what, (least, most) in (SPRING_MISTAKES if case.spring else MISTAKES).items():
         name = str(rng.choice([each for each in values if each.endswith(what) and values[each]]))
         factor = 1.0 + float(rng.uniform(least, most) * rng.choice([-1.0, 1.0]))

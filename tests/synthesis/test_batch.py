@@ -110,7 +110,7 @@ def test_designs_that_cannot_close_are_nan() -> None:
     assert np.isfinite(found["peak_torque_Nm"]).tolist() == [True, False, False]
 
 
-@pytest.mark.parametrize("slot", ["l2.mass_kg", "l5.inertia_kgm2", "l2.length_m", "l4.length_m", "Backing.force_N"])
+@pytest.mark.parametrize("slot", ["l2.mass_kg", "l5.inertia_kgm2", "l2.length_m", "l4.length_m", "backing.force_N"])
 def test_designs_that_a_machine_refuses_have_no_numbers(slot: str) -> None:
     machine = machines.tufting()
     batch, value = Batch(machine), read(machine)[slot]
@@ -183,7 +183,7 @@ def test_needles_that_do_and_do_not_come_as_far_as_the_backing() -> None:
     """The largest travel is 0.5743 m; the needle leaves at 0.56 m."""
     entries = np.array([0.5742, 0.60])
     batch = Batch(machines.tufting(exit_plane_m=0.56), 16.755, samples=720)
-    found = batch.evaluate({"Backing.entry_plane_m": entries}, ["peak_torque_Nm", "rms_torque_Nm"])
+    found = batch.evaluate({"backing.entry_plane_m": entries}, ["peak_torque_Nm", "rms_torque_Nm"])
     for k, entry in enumerate(entries):
         exact = exact_numbers(machines.tufting(entry_plane_m=entry, exit_plane_m=0.56), 16.755)
         for name, values in found.items():

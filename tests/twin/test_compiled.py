@@ -156,9 +156,9 @@ def test_auto_keeps_to_closed_forms_where_no_table_is_fine_enough() -> None:
 def test_description_names_every_load() -> None:
     machine = four_bar(0.06, 0.2, 0.23, loads=(loads.JointDamping("l3", 0.5), loads.TorsionSpring("l3", 10.0, 1.0)))
     torque = ttc.compile(machine, ["balancing_torque_Nm"], "exact").describe()
-    assert "load jointdamping: evaluated" in torque
-    assert "load torsionspring: evaluated" in torque
-    assert "load torsionspring: dropped" in ttc.compile(machine, ["theta_3_rad"], "exact").describe()
+    assert "load joint_damping: evaluated" in torque
+    assert "load torsion_spring: evaluated" in torque
+    assert "load torsion_spring: dropped" in ttc.compile(machine, ["theta_3_rad"], "exact").describe()
 
 
 def test_a_machine_with_history_checks_its_arrays() -> None:

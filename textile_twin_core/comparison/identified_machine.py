@@ -29,7 +29,6 @@ from textile_twin_core.inference.parameter import (
     ZERO,
     gain_factor,
 )
-from textile_twin_core.inference.priors import parameter_path
 from textile_twin_core.inference.record import Record
 from textile_twin_core.inference.torque_model import TabulatedTorque
 from textile_twin_core.machine import Machine
@@ -72,7 +71,7 @@ class Candidates:
         backings = [k for k, load in enumerate(machine.loads) if isinstance(load, Backing)]
         load = machine.loads[backings[0]] if backings else None
         self._slots = {
-            parameter_path(slot): slot
+            slot.path: slot
             for slot in slots(machine)
             if slot.field == "loads" and slot.entry in backings[:1] and slot.attribute in _OF_BACKING
         }

@@ -19,11 +19,6 @@ _SHOWN = 60
 _KEY_OF_FIELD = {"from_point": "from", "to_point": "to", "from_station": "from", "to_station": "to"}
 
 
-def type_tag(cls: type) -> str:
-    """Return a file's word for a class: RRRDyad is rrr_dyad."""
-    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", cls.__name__).lower()
-
-
 def unknown(what: str, given: str, known: list[str]) -> str:
     """Word the message on an unknown key, with the nearest names, or a note on digits read as text."""
     if _DIGITS.match(given):

@@ -14,7 +14,7 @@ from textile_twin_core import machines, mechanism
 from textile_twin_core.dynamics import Body, loads
 from textile_twin_core.errors import MachineError
 from textile_twin_core.files.atomic import staged
-from textile_twin_core.files.declarations import build, convert, list_at, mapping_at, plain, type_tag, unknown
+from textile_twin_core.files.declarations import build, convert, list_at, mapping_at, plain, unknown
 from textile_twin_core.files.strict_yaml import read_yaml
 from textile_twin_core.machine import (
     AnyMachine,
@@ -26,6 +26,7 @@ from textile_twin_core.machine import (
     Sensors,
     ShaftPlace,
 )
+from textile_twin_core.machine.declared import type_tag
 from textile_twin_core.machine.sizes import check_size, computable
 from textile_twin_core.mechanism import MAIN_SHAFT, Linkage
 from textile_twin_core.mechanism.linkage import BEYOND_DYADS

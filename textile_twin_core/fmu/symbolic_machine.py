@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,8 @@ from textile_twin_core.expression.c_source import parameters_in, with_parameters
 from textile_twin_core.expression.loop import Numpy
 from textile_twin_core.expression.real import Symbolic
 from textile_twin_core.machine import Machine
+from textile_twin_core.machine.drive import load_names
+from textile_twin_core.machine.slots import slots
 
 Quantities = Callable[[Machine], list[Expr]]
 """The expressions of a machine that an export needs."""
@@ -48,10 +50,10 @@ class SymbolicMachine:
 def symbolic_machine(machine: Machine, quantities: Quantities) -> SymbolicMachine:
     """Build a machine with symbolic parameters.
 
-    A published machine has its own parameters. Any other machine has the numbers of its points, groups, bodies and
-    loads by dotted names, as in its file. To check them, all parameters are changed a little and the quantities
-    compared with those of a machine built with the changed numbers. If they differ, each parameter is tried alone, and
-    one that the quantities do not follow remains a number.
+    A published machine has its own parameters. Any other machine has the numbers of its points, groups, bodies, loads
+    and measures by their paths (see `Slot.path`), and its directions and gravity by component. To check them, all
+    parameters are changed a little and the quantities compared with those of a machine built with the changed numbers.
+    If they differ, each parameter is tried alone, and one that the quantities do not follow remains a number.
 
     Args:
         machine: the machine.
@@ -139,36 +141,48 @@ def _same_parts(machine: Machine, published: object) -> bool:
 
 def _declared(machine: Machine, number: Callable[[str, float], float]) -> Machine:
     """Replace each number of the machine by the result of `number` for its dotted place."""
-    bodies, seen = [], Counter[str]()
-    for body in machine.bodies:
-        seen[body.on] += 1
-        place = f"bodies.{body.on}" + (f".{seen[body.on]}" if seen[body.on] > 1 else "")
-        bodies.append(_replaced(body, place, number))
-    return dataclasses.replace(
-        machine,
-        points={name: _tuple(at, f"points.{name}", number) for name, at in machine.points.items()},
-        groups=tuple(_replaced(group, f"groups.{group.name}", number) for group in machine.groups),
-        bodies=tuple(bodies),
-        loads=tuple(_replaced(load, f"loads.{k}", number) for k, load in enumerate(machine.loads)),
-        measures=tuple(_replaced(measure, f"measures.{measure.name}", number) for measure in machine.measures),
-        gravity_m_s2=_tuple(machine.gravity_m_s2, "gravity_m_s2", number),
+    paths = {slot[1:]: slot.path for slot in slots(machine)}
+
+    def named(field: str, entry: int | str, part: str, attribute: str, place: int | None, value: float) -> float:
+        """Number at a place of the declaration, by its path; without one by its part, here the one moved last."""
+        component = "" if place is None else f"[{place}]"
+        other = f"{field}.{part.rpartition('-')[2]}.{attribute}{component}"
+        return number(paths.get((field, entry, attribute, place), other), value)
+
+    names = {
+        "groups": [group.name for group in machine.groups],
+        "bodies": [body.on for body in machine.bodies],
+        "loads": load_names(machine.loads),
+        "measures": [measure.name for measure in machine.measures],
+    }
+
+    def parts(field: str) -> tuple[Any, ...]:
+        declared = zip(names[field], getattr(machine, field), strict=True)
+        return tuple(_replaced(part, partial(named, field, k, name)) for k, (name, part) in enumerate(declared))
+
+    changes: dict[str, Any] = {field: parts(field) for field in names}
+    changes["points"] = {
+        name: tuple(named("points", name, name, "", k, float(value)) for k, value in enumerate(at))
+        for name, at in machine.points.items()
+    }
+    changes["gravity_m_s2"] = tuple(
+        number(f"gravity_m_s2[{k}]", float(value)) for k, value in enumerate(machine.gravity_m_s2)
     )
+    return dataclasses.replace(machine, **changes)
 
 
-def _replaced(part: Any, place: str, number: Callable[[str, float], float]) -> Any:
+def _replaced(part: Any, number: Callable[[str, int | None, float], float]) -> Any:
     changed: dict[str, Any] = {}
     for field in dataclasses.fields(part):
         if not field.init or "float" not in str(field.type):
             continue
         value = getattr(part, field.name)
         if isinstance(value, (int, float)) and not isinstance(value, bool):
-            changed[field.name] = number(f"{place}.{field.name}", float(value))
-        elif isinstance(value, tuple) and len(value) <= _MOST_TOGETHER:
-            changed[field.name] = _tuple(value, f"{place}.{field.name}", number)
+            changed[field.name] = number(field.name, None, float(value))
+        elif (
+            isinstance(value, tuple)
+            and len(value) <= _MOST_TOGETHER
+            and all(isinstance(each, (int, float)) for each in value)
+        ):
+            changed[field.name] = tuple(number(field.name, k, float(each)) for k, each in enumerate(value))
     return dataclasses.replace(part, **changed) if changed else part
-
-
-def _tuple(values: Sequence[Any], place: str, number: Callable[[str, float], float]) -> Any:
-    if not all(isinstance(value, (int, float)) for value in values):
-        return tuple(values)
-    return tuple(number(f"{place}[{k}]", float(value)) for k, value in enumerate(values))

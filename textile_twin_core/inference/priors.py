@@ -122,12 +122,6 @@ class WorkingPoint:
     inertia_kgm2: float
 
 
-def parameter_path(slot: Slot) -> str:
-    """Dotted path of a slot into the machine file, as `bodies.l3.mass_kg`."""
-    part, _, number = slot.name.rpartition(".")
-    return f"{slot.field}.{part.lower() if slot.field == 'loads' else part}.{number}"
-
-
 def parameters(machine: Machine, point: WorkingPoint) -> tuple[tuple[ModelParameter, ...], dict[str, Slot]]:
     """List the numbers on which a machine's torque depends, and the slots of those in its declaration.
 
@@ -160,7 +154,7 @@ def parameters(machine: Machine, point: WorkingPoint) -> tuple[tuple[ModelParame
             scale = machine.loads[int(slot.entry)].force_N  # type: ignore[attr-defined]
             if abs(scale) < _NO_SIZE:
                 continue
-        name, low = parameter_path(slot), 0.0 if kind in _NOT_NEGATIVE else -math.inf
+        name, low = slot.path, 0.0 if kind in _NOT_NEGATIVE else -math.inf
         if kind == "length":
             low = _SHORTEST * value
         own.append(_of(kind, name, value, scale, _unit(kind, slot), low))

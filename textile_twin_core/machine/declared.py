@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import fields
 from types import MappingProxyType
 from typing import Any
+
+
+def type_tag(cls: type) -> str:
+    """Return a machine file's word for a class: RRRDyad is rrr_dyad."""
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", cls.__name__).lower()
 
 
 class Declared:

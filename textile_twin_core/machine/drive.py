@@ -18,6 +18,7 @@ from textile_twin_core.dynamics.loads.load import Load
 from textile_twin_core.dynamics.motion_equation import MotionEquation
 from textile_twin_core.errors import MachineError, MotionError
 from textile_twin_core.expression import Expr
+from textile_twin_core.machine.declared import type_tag
 from textile_twin_core.machine.machine import Machine
 from textile_twin_core.machine.model import total
 
@@ -96,12 +97,12 @@ def load_torques(machine: Machine) -> list[Expr]:
 
 
 def load_names(loads: Sequence[Load]) -> tuple[str, ...]:
-    """Name each load by its own name or by its type, numbered if there are several."""
-    types = [getattr(load, "name", type(load).__name__) for load in loads]
-    several, seen, names = Counter(types), Counter[str](), []
-    for name in types:
+    """Name each load as its machine file does, by its own name or its type; the second of a name has `#2` behind it."""
+    seen, names = Counter[str](), []
+    for load in loads:
+        name = getattr(load, "name", "") or type_tag(type(load))
         seen[name] += 1
-        names.append(f"{name} {seen[name]}" if several[name] > 1 else name)
+        names.append(f"{name}#{seen[name]}" if seen[name] > 1 else name)
     return tuple(names)
 
 

@@ -38,6 +38,11 @@ class Slot(NamedTuple):
     attribute: str
     place: int | tuple[int | str, ...] | None = None
 
+    @property
+    def path(self) -> str:
+        """Dotted path of the number into the machine file, as `bodies.l3.mass_kg`."""
+        return f"{self.field}.{self.name}"
+
 
 def slots(machine: AnyMachine) -> tuple[Slot, ...]:
     """List every number of the parts of a machine, in the order of its declaration.
@@ -68,7 +73,7 @@ def _of_linkage(machine: Machine) -> Iterator[Slot]:
         if isinstance(measure, Arc):
             yield Slot(f"{measure.name}.radius_m", "measures", i, "radius_m")
     for i, (name, load) in enumerate(zip(load_names(machine.loads), machine.loads, strict=True)):
-        yield from (Slot(f"{name.replace(' ', '_')}.{number}", "loads", i, number) for number in _floats(load))
+        yield from (Slot(f"{name}.{number}", "loads", i, number) for number in _floats(load))
 
 
 def _of_contact(machine: ContactMachine) -> Iterator[Slot]:

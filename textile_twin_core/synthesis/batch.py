@@ -155,7 +155,7 @@ class Batch:
             for name, load in zip(load_names(self.machine.loads), self.machine.loads, strict=True):
                 if not self._knows_loads:
                     break  # the torque is not available
-                torque = torque + load_torque(load, name.replace(" ", "_"), turn)
+                torque = torque + load_torque(load, name, turn)
         return torque, shaking
 
 

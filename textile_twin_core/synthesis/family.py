@@ -185,7 +185,7 @@ def _tufting(p: Mapping[str, Any]) -> dict[str, Any]:
         "l6.guide_x_m": p["x1_m"] + p["x2_m"],
         "l6.guide_y_m": p["H1_m"],
         "l4.angle_rad": p["beta1_rad"] - 2.0 * math.pi,
-        "Backing.free_force_N": p["free_force_N"],
+        "backing.free_force_N": p["free_force_N"],
     }
 
 

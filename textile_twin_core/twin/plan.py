@@ -79,7 +79,7 @@ def _loads(machine: Machine, outputs: Mapping[str, Expr]) -> list[str]:
     lines = []
     for i, name in enumerate(load_names(machine.loads)):
         met = any(linkage.intensity_variable(i) in needed for linkage in model.linkages)
-        lines.append(f"load {name.lower()}: {'evaluated' if met else 'dropped'}")
+        lines.append(f"load {name}: {'evaluated' if met else 'dropped'}")
     return lines
 
 
