@@ -30,12 +30,12 @@ from textile_twin_core.machine import Machine
 from textile_twin_core.recordings.prediction import recompute, recorded_torque
 
 _LIMITS = {
-    "max-rms": ("rms_error_Nm", "RMS error [N m]"),
-    "max-rms-over-peak": ("rms_over_peak", "RMS error over the largest measured torque"),
-    "max-error": ("max_error_Nm", "largest error [N m]"),
-    "min-correlation": ("correlation", "correlation"),
+    "max-rms": ("rms_error_Nm", "RMS error [N m]", "above"),
+    "max-rms-over-peak": ("rms_over_peak", "RMS error over the largest measured torque", "above"),
+    "max-error": ("max_error_Nm", "largest error [N m]", "above"),
+    "min-correlation": ("correlation", "correlation", "below"),
 }
-"""Limits for scripts: the error that each limits, and its name."""
+"""Limits for scripts: the error that each limits, its name, and the side that ends with exit code 3."""
 
 _PREDICTED, _JUDGED = 0.4, 0.7
 """Shares of all work, of an hour's recording, at which prediction and verdict end."""
@@ -71,10 +71,8 @@ def parser() -> Parser:
         " sley_position_m (see textile-twin import --quantity); 'speed': the shaft's speed against what the measured"
         " torque drives",
     )
-    for option, (_, what) in _LIMITS.items():
-        parser.add_argument(
-            f"--{option}", type=number, metavar="X", help=f"exit code 3 when the {what} is beyond this limit"
-        )
+    for option, (_, what, side) in _LIMITS.items():
+        parser.add_argument(f"--{option}", type=number, metavar="X", help=f"exit code 3 when the {what} is {side} it")
     for form, what in _FORMS.items():
         parser.add_argument(f"--{form}", type=Path, metavar="FILE", help=f"write {what}; is replaced when it is there")
     add_batch(parser)
@@ -232,11 +230,11 @@ def _check_limits(comparison: Comparison, arguments: argparse.Namespace) -> None
 def _beyond(errors: Mapping[str, Any], arguments: argparse.Namespace) -> str:
     """Describe the exceeded limits; empty without any."""
     beyond = []
-    for option, (field, what) in _LIMITS.items():
+    for option, (field, what, side) in _LIMITS.items():
         limit = getattr(arguments, option.replace("-", "_"))
         value = math.nan if errors[field] is None else errors[field]
-        if limit is not None and not (value >= limit if option.startswith("min") else value <= limit):
-            beyond.append(f"{what} {value:.6g} is beyond --{option} {limit:g}")
+        if limit is not None and not (value >= limit if side == "below" else value <= limit):
+            beyond.append(f"{what} {value:.6g} is {side} --{option} {limit:g}")
     return "; ".join(beyond)
 
 

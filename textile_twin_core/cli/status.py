@@ -30,5 +30,8 @@ def run(arguments: argparse.Namespace) -> None:
     """Show the state."""
     shows = list(entry_points(group=GROUP))
     if not shows:
-        raise TwinError("the ROS package textile_twin_ros is not installed beside this command: see docs/field.md")
+        raise TwinError(
+            "the ROS package textile_twin_ros is not installed beside this command: start the suite once with"
+            " launch_scripts/suite.sh, or see docs/ros_installation.md"
+        )
     shows[0].load()(arguments.seconds, arguments.follow)
