@@ -1,5 +1,5 @@
-"""Start of the suite beside a machine, without a ROS installation: twin, recording, live view and, on request,
-the machine.
+"""Start of the suite beside a machine, without a ROS installation: twin, recording, view, monitor, fault book and, on
+request, the machine.
 """
 
 from __future__ import annotations
@@ -19,13 +19,23 @@ from bring_up import bring_up  # noqa: E402
 from this_computer import RANGE, asked_for, this_computer_alone  # noqa: E402
 
 from textile_twin_core.errors import TwinError  # noqa: E402
+from textile_twin_core.machine import AnyMachine, Machine  # noqa: E402
 from textile_twin_ros.machine import load_machine  # noqa: E402
 
-NODES = ("twin_node", "record_node", "view_node", "shaft_node")
+NODES = ("twin_node", "record_node", "view_node")
+WATCH = ("monitor_node", "fault_node")
+"""Nodes that raise alarms and keep them, for a machine whose torque is known."""
+FOLDERS = {
+    "record_node": {"folder": "out/recordings"},
+    "monitor_node": {"book": "out/faults"},
+    "fault_node": {"book": "out/faults"},
+}
+"""Folders unless others are given; the fault book also holds what the monitor has learnt."""
 PROGRAM = "suite.sh"
 DESCRIPTION = """\
-Starts twin_node, record_node and view_node for MACHINE (a name or the path of a machine file; tufting when not
-given), until Ctrl-C. They listen on main_shaft/angle and balancing_torque/measured; recordings go to out/recordings.
+Starts twin_node, record_node, view_node, monitor_node and fault_node for MACHINE (a name or the path of a machine
+file; tufting when not given), until Ctrl-C. They listen on main_shaft/angle and balancing_torque/measured. Recordings
+go to out/recordings; alarms, and what the monitor has learnt of the machine, to the fault book out/faults.
 ROS ARGUMENTS go to every node that they concern; a parameter for one node alone takes that node's name before it:
   launch_scripts/suite.sh tufting --shaft simulated
   launch_scripts/suite.sh tufting -p twin_node:shaft:=lag -p record_node:bag:=out/monday -r __ns:=/machine_3
@@ -98,7 +108,7 @@ def commands(arguments: Sequence[str]) -> list[list[str]]:
     """Return the programs to start, the twin first."""
     parser = argparse.ArgumentParser(
         PROGRAM,
-        usage=f"launch_scripts/{PROGRAM} [MACHINE] [--shaft simulated] [ROS ARGUMENTS ...]",
+        usage=f"launch_scripts/{PROGRAM} [MACHINE] [--shaft simulated] [--no-torque] [ROS ARGUMENTS ...]",
         description=DESCRIPTION,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
@@ -107,14 +117,25 @@ def commands(arguments: Sequence[str]) -> list[list[str]]:
     parser.add_argument(
         "--shaft", choices=("machine", "simulated"), default="machine", help="simulated: a dry run without a machine"
     )
+    parser.add_argument("--no-torque", action="store_true", help="the machine has no torque sensor: no alarms")
     options, words = parser.parse_known_args(arguments)
     machine = words.pop(0) if words and not words[0].startswith("-") else "tufting"
-    load_machine(machine)  # a mistake ends the script here, before anything runs or is recorded
-    nodes = NODES if options.shaft == "simulated" else NODES[:3]
+    loaded = load_machine(machine)  # a mistake ends the script here, before anything runs or is recorded
+    watched = has_torque(loaded) and not options.no_torque
+    nodes = [*NODES, *(WATCH if watched else ()), *["shaft_node"] * (options.shaft == "simulated")]
     told = Arguments(nodes, words)
-    defaults = {node: {"machine": machine} for node in nodes} | {"record_node": {"folder": "out/recordings"}}
-    folder = Path(sys.executable).parent
-    return [] if options.check else [[str(folder / node), *told.of(node, **defaults[node])] for node in nodes]
+    if options.check:
+        return []
+    folder, programs = Path(sys.executable).parent, []
+    for node in nodes:
+        own = {"machine": machine} if "machine" in declared(node) else {}
+        programs.append([str(folder / node), *told.of(node, **own, **FOLDERS.get(node, {}))])
+    return programs
+
+
+def has_torque(machine: AnyMachine) -> bool:
+    """Return true for a linkage with masses, whose torque a monitor can watch."""
+    return isinstance(machine, Machine) and not machine.missing_for_torque
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

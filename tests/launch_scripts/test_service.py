@@ -18,6 +18,7 @@ def service(*words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
 
 
+@pytest.mark.slow
 def test_the_unit_is_one_that_systemd_takes(tmp_path: Path) -> None:
     made = service("loom_3", "examples/six_bar_loom.yaml", "--shaft", "simulated", "-p", "twin_node:shaft:=lag")
     assert made.returncode == 0, made.stderr

@@ -46,7 +46,19 @@ def test_parameters_of_one_node_reach_it_in_a_namespace(suite: ModuleType) -> No
     ]
     assert "shaft:=lag" not in nodes["record_node"] and "rate_hz:=500.0" in nodes["record_node"]
     assert all("__ns:=/machine_3" in words for words in nodes.values())
-    assert list(nodes) == ["twin_node", "record_node", "view_node"]
+    assert list(nodes) == ["twin_node", "record_node", "view_node", "monitor_node", "fault_node"]
+
+
+def test_alarms_and_what_was_learnt_have_one_book(suite: ModuleType) -> None:
+    nodes = arguments_of(suite, "tufting")
+    assert "book:=out/faults" in nodes["monitor_node"] and "book:=out/faults" in nodes["fault_node"]
+    elsewhere = arguments_of(suite, "tufting", "-p", "book:=/srv/book")
+    assert all(elsewhere[node][-1] == "book:=/srv/book" for node in ("monitor_node", "fault_node"))
+
+
+def test_a_machine_without_a_torque_has_no_monitor(suite: ModuleType) -> None:
+    for words in (["elliptic_gear_beatup"], ["needle_transfer"], ["tufting", "--no-torque"]):
+        assert list(arguments_of(suite, *words)) == ["twin_node", "record_node", "view_node"]
 
 
 def test_a_parameter_goes_to_those_that_have_it(suite: ModuleType) -> None:
@@ -62,7 +74,10 @@ def test_a_parameter_goes_to_those_that_have_it(suite: ModuleType) -> None:
     ("words", "said"),
     [
         (["tuffting"], "there is no machine 'tuffting'; did you mean tufting?"),
-        (["-p", "twin:shaft:=lag"], "no node 'twin'; there are twin_node, record_node, view_node"),
+        (
+            ["-p", "twin:shaft:=lag"],
+            "no node 'twin'; there are twin_node, record_node, view_node, monitor_node,",
+        ),
         (["-p", "twin_node:shft:=lag"], "no parameter 'shft'; did you mean 'shaft'?"),
         (["-p", "rpm:=90"], "no parameter 'rpm'"),
         (["-p", "shaft"], "is not written as NAME:=VALUE"),

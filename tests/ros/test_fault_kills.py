@@ -29,7 +29,7 @@ SIZES = {"needle_force": 0.2, "friction": 1.2, "sensor_gain": 0.12}
 class Loom:
     """A tufting machine's sensors, published by a thread; `fault` names the fault that it has at present."""
 
-    def __init__(self, suite: Suite, faults: int) -> None:
+    def __init__(self, suite: Suite, faults: int, namespace: str = "") -> None:
         node = suite.node()
         made = faulty("", 0.0, 985, duration_s=SECONDS_PER_FAULT * faults, rate=RATE_HZ)
         self._angles = list(zip(made.recording.angle_stamps_ns.tolist(), made.recording.angle.tolist(), strict=True))
@@ -39,8 +39,8 @@ class Loom:
             for kind, size in itertools.islice(SIZES.items(), faults)
         }
         self.fault = ""
-        self._angle = node.create_publisher(JointState, "main_shaft/angle", RELIABLE)
-        self._torque = node.create_publisher(WrenchStamped, "balancing_torque/measured", RELIABLE)
+        self._angle = node.create_publisher(JointState, f"{namespace}main_shaft/angle", RELIABLE)
+        self._torque = node.create_publisher(WrenchStamped, f"{namespace}balancing_torque/measured", RELIABLE)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
