@@ -6,7 +6,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
@@ -24,7 +24,8 @@ from textile_twin_core.dynamics.loads import ForceCurve
 from textile_twin_core.expression import interpret
 from textile_twin_core.expression.loop import Numpy
 from textile_twin_core.fmu import FmuReport, write_fmu
-from textile_twin_core.machine import Machine
+from textile_twin_core.machine import Machine, MainShaft, ShaftPlace
+from textile_twin_core.machine.main_shaft import ShaftDrive, ShaftPiece, Station
 from textile_twin_core.mechanism import Crank, RRRDyad
 
 fmpy = pytest.importorskip("fmpy")
@@ -72,12 +73,13 @@ def opened(path: Path, kind: str) -> Iterator[tuple[Any, dict[str, int]]]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def initialise(instance: Any) -> None:
+def initialise(instance: Any, start_s: float = 0.0, set_values: Callable[[], object] = lambda: None) -> None:
     if hasattr(instance, "setupExperiment"):
-        instance.setupExperiment(startTime=0.0)
+        instance.setupExperiment(startTime=start_s)
         instance.enterInitializationMode()
     else:
-        instance.enterInitializationMode(startTime=0.0)
+        instance.enterInitializationMode(startTime=start_s)
+    set_values()
     instance.exitInitializationMode()
 
 
@@ -206,6 +208,23 @@ def test_the_needle_in_the_backing_and_dry_friction_are_met_exactly(units: Any) 
     assert {"leaps", "stops", "reverses"} <= kinds
 
 
+def test_the_torque_of_a_driven_shaft_is_the_drive_s_at_every_row_of_model_exchange(units: Any) -> None:
+    """Events included, where a row stands on either side of a step of the load."""
+    path, _ = units("tufting", "torque", 2)
+    start = {"drive_torque_Nm": 25.0, "theta_rad": 0.2, "omega_rad_s": 14.0}
+    found = fmpy.simulate_fmu(
+        str(path),
+        fmi_type="ModelExchange",
+        stop_time=0.3,
+        output_interval=2e-3,
+        start_values=start,
+        relative_tolerance=1e-10,
+    )
+    steps = np.count_nonzero(np.abs(np.diff(found["torque_load_Nm"])) > 5.0)
+    assert len(found) > 160 and steps > 10
+    np.testing.assert_allclose(found["balancing_torque_Nm"], 25.0, rtol=0.0, atol=1e-9)
+
+
 def test_a_force_over_the_depth_is_that_of_the_twin_and_of_drive(tmp_path: Path) -> None:
     """A pierce, a step inside and another force on the way out, with the angle as input and with the torque."""
     knots, down = (0.55784, 0.5585, 0.5601, 0.5633, 0.5633, 0.576), (250.0, 1200.0, 640.0, 580.0, 820.0, 900.0)
@@ -227,6 +246,106 @@ def test_a_force_over_the_depth_is_that_of_the_twin_and_of_drive(tmp_path: Path)
     found = fmpy.simulate_fmu(str(path), stop_time=0.4, step_size=0.005, output_interval=0.005, start_values=start)
     assert np.abs(found["theta_rad"] - run.theta_rad).max() < 1e-9
     assert np.abs(found["omega_rad_s"] - run.omega_rad_s).max() < 2e-8
+
+
+@pytest.mark.parametrize(
+    ("name", "input", "fmi", "outputs"),
+    [
+        ("tufting", "torque", 2, ["omega_rad_s", "balancing_torque_Nm"]),
+        ("tufting", "torque", 3, ["omega_rad_s", "balancing_torque_Nm"]),
+        ("tufting", "angle", 2, ["balancing_torque_Nm"]),
+        ("wide", "torque", 2, ["balancing_torque_Nm"]),
+        ("wide", "angle", 3, ["balancing_torque_Nm"]),
+        ("needle_transfer", "angle", 2, ["element_3_position_m", "element_3_velocity_m_s"]),
+    ],
+)
+def test_a_start_in_unix_time_gives_the_motion_of_a_start_at_zero(
+    name: str, input: Input, fmi: Fmi, outputs: list[str], tmp_path: Path
+) -> None:
+    machine = wide_machine() if name == "wide" else machine_named(name)
+    path, size = tmp_path / "unit.fmu", 1e-4
+    write_fmu(path, machine, input=input, fmi=fmi, outputs=[each for each in outputs if each != "omega_rad_s"])
+    given = {"theta_rad": 0.3, "omega_rad_s": 16.0}
+    found = {}
+    for start_s in (0.0, 1e5, 1.7e9):
+        with opened(path, "CoSimulation") as (instance, reference):
+            initialise(instance, start_s, lambda: put(instance, [reference[n] for n in given], given.values()))
+            if input == "torque":
+                put(instance, [reference["drive_torque_Nm"]], [20.0])
+            found[start_s] = []
+            for k in range(1500):
+                if input == "angle":
+                    put(instance, [reference[n] for n in given], [0.3 + 16.0 * k * size, 16.0])
+                instance.doStep(start_s + k * size, size)
+                found[start_s].append(got(instance, [reference[each] for each in outputs]))
+    scale = np.abs(found[0.0]).max(axis=0)
+    for start_s in (1e5, 1.7e9):
+        assert np.all(np.abs(np.subtract(found[start_s], found[0.0])).max(axis=0) < 1e-9 * scale), start_s
+
+
+def wide_machine() -> Machine:
+    """Two needle linkages on an elastic shaft behind a motor."""
+    shaft = MainShaft(
+        (Station("motor", 0.4, 0.2), Station("b", 0.02), Station("c", 0.03, 0.1)),
+        (
+            ShaftPiece("motor", "b", stiffness_Nm_rad=9.0e4, damping_Nms_rad=8.0),
+            ShaftPiece("b", "c", diameter_m=0.05, length_m=0.8, damping_Nms_rad=10.0, backlash_rad=2e-3),
+        ),
+        torque_sensor=("motor", "b"),
+        drive=ShaftDrive("motor", 0.3, 5.0),
+    )
+    return replace(machine_named("tufting"), shaft=shaft, linkages=(ShaftPlace(0.0, "b"), ShaftPlace(0.7, "c")))
+
+
+_PROGRAM = """
+#include <stdio.h>
+#include <stdlib.h>
+#define UNIT(prefix) \\
+    extern void *prefix##fmi2Instantiate(const char *, int, const char *, const char *, const void *, int, int); \\
+    extern int prefix##fmi2SetupExperiment(void *, int, double, double, int, double); \\
+    extern int prefix##fmi2ExitInitializationMode(void *); \\
+    extern int prefix##fmi2SetReal(void *, const unsigned *, size_t, const double *); \\
+    extern int prefix##fmi2GetReal(void *, const unsigned *, size_t, double *); \\
+    extern int prefix##fmi2DoStep(void *, double, double, int);
+UNIT(tufting_)
+UNIT(loom_)
+#define RUN(prefix, token) do { \\
+    const unsigned in[] = {1, 2, 3}, out[] = {2, 3}; \\
+    const double start[] = {4.0, 0.3, 16.0}; \\
+    double end[2]; \\
+    int k; \\
+    void *unit = prefix##fmi2Instantiate("unit", 1, token, "", NULL, 0, 0); \\
+    if (!unit) return 1; \\
+    prefix##fmi2SetupExperiment(unit, 0, 0.0, 0.0, 0, 0.0); \\
+    prefix##fmi2SetReal(unit, in, 3, start); \\
+    prefix##fmi2ExitInitializationMode(unit); \\
+    for (k = 0; k < 300; ++k) if (prefix##fmi2DoStep(unit, k * 1e-3, 1e-3, 1)) return 2; \\
+    prefix##fmi2GetReal(unit, out, 2, end); \\
+    printf("%.17g %.17g\\n", end[0], end[1]); \\
+} while (0)
+int main(int count, char **words) { (void)count; RUN(tufting_, words[1]); RUN(loom_, words[2]); return 0; }
+"""
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
+def test_two_units_are_linked_and_run_in_one_program(tmp_path: Path) -> None:
+    """Compile each with a prefix of its own; the motion is that of `drive`."""
+    machines = {"tufting_": machine_named("tufting"), "loom_": machine_named("handloom_beatup")}
+    tokens = []
+    for prefix, machine in machines.items():
+        write_fmu(tmp_path / f"{prefix}.fmu", machine, input="torque", fmi=2)
+        folder = fmpy.extract(tmp_path / f"{prefix}.fmu", tmp_path / prefix)
+        tokens.append(fmpy.read_model_description(folder).guid)
+        command = ["cc", "-std=c99", "-O1", f"-DFMI2_FUNCTION_PREFIX={prefix}", "-c", "-o", tmp_path / f"{prefix}.o"]
+        subprocess.run([*command, f"{folder}/sources/all.c"], check=True)
+    (tmp_path / "main.c").write_text(_PROGRAM)
+    objects = [tmp_path / f"{prefix}.o" for prefix in machines]
+    subprocess.run(["cc", "-o", tmp_path / "both", tmp_path / "main.c", *objects, "-lm"], check=True)
+    done = subprocess.run([tmp_path / "both", *tokens], capture_output=True, text=True, check=True)
+    for line, machine in zip(done.stdout.splitlines(), machines.values(), strict=True):
+        run = ttc.drive(machine, 4.0, 0.3, 16.0, np.linspace(0.0, 0.3, 61), tolerance=1e-12)
+        theta, omega = map(float, line.split())
+        assert abs(theta - run.theta_rad[-1]) < 1e-8 and abs(omega - run.omega_rad_s[-1]) < 2e-7
 
 
 @pytest.mark.parametrize("fmi", [2, 3])

@@ -19,7 +19,7 @@ from textile_twin_core.machine.drive import load_torques
 from textile_twin_core.machine.model import total
 
 _STATE = "const double *c, double theta, double omega"
-_OUTPUTS = f"TT_LOCAL void tt_outputs({_STATE}, double alpha, double *y)"
+_OUTPUTS = f"TT_LOCAL void tt_outputs({_STATE}, double alpha, const double *leap, double *y)"
 _LEAPS = f"TT_LOCAL void tt_leaps({_STATE}, double alpha, double *value, double *level)"
 _ACCELERATION = f"TT_LOCAL double tt_acceleration({_STATE}, double torque, const double *leap)"
 _OMEGA, _TORQUE = variable("omega"), variable("torque")
@@ -63,10 +63,12 @@ def model_code(made: SymbolicMachine, outputs: Sequence[str], torque_input: bool
         about: further text that distinguishes the model description.
     """
     machine, names = made.machine, list(made.parameters)
-    shown = [machine.model.output(name) for name in outputs]
+    asked = shown = [machine.model.output(name) for name in outputs]
     if torque_input:
         inertia, slope, weight, *loads = quantities((), True, machine)
-        leaps, smooth, _ = split_leaps(loads, "leap[{}]")
+        # Outputs hold the same sides of the steps as the acceleration: at an event, too, they belong to one state.
+        leaps, held, _ = split_leaps([*loads, *shown], "leap[{}]")
+        smooth, shown = held[: len(loads)], held[len(loads) :]
         along = _TORQUE + total(smooth) - 0.5 * slope * (_OMEGA * _OMEGA) - weight
         acceleration = along / inertia
     else:
@@ -82,16 +84,12 @@ def model_code(made: SymbolicMachine, outputs: Sequence[str], torque_input: bool
         PLAIN_SINCOS,
         c_function("TT_LOCAL void tt_start_values(double *p)", [const(v) for v in made.parameters.values()], "p"),
         c_function("TT_LOCAL void tt_constants(const double *p, double *c)", constants, "c"),
-        c_function(
-            "TT_LOCAL void tt_outputs(const double *c, double theta, double omega, double alpha, double *y)",
-            shown_code,
-            "y",
-        ),
+        c_function(_OUTPUTS, shown_code, "y"),
         _leaps(leap_code[:count], leap_code[count:]),
         f"{_ACCELERATION} {{\n" + "".join(f"    {line}\n" for line in lines) + f"    return {result};\n}}\n",
     ]
     source = "\n".join(parts)
-    depends = tuple(frozenset(str(n.payload) for n in topological_order([e]) if n.op == "variable") for e in shown)
+    depends = tuple(frozenset(str(n.payload) for n in topological_order([e]) if n.op == "variable") for e in asked)
     sizes = {
         "CHAIN": 0,
         "TORQUE_INPUT": int(torque_input),

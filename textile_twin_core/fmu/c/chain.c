@@ -514,8 +514,8 @@ static double land(tt_state *s, double later, double h, const double *first, dou
     return high;
 }
 
-TT_LOCAL int tt_advance(tt_state *s, double until) {
-    const double from = s->time, span = until - s->time, theta = s->theta, omega = s->omega, alpha = s->alpha;
+TT_LOCAL int tt_advance(tt_state *s, double span) {
+    const double theta = s->theta, omega = s->omega, alpha = s->alpha;
     double x[TT_STATES], first[TT_STATES], end[TT_STATES], began[TT_MONITORS], now[TT_MONITORS], later = 0.0;
     long steps;
     int k;
@@ -533,7 +533,10 @@ TT_LOCAL int tt_advance(tt_state *s, double until) {
             if (last) h = left;
             error = step(s, later, h, first, x, end);
             if (error <= 1.0 || (isfinite(error) && h < 1e-12)) break;
-            if (h < 1e-14) return 0;
+            if (h < 1e-14) {
+                s->time += later;
+                return 0;
+            }
             h *= isfinite(error) ? fmax(0.2, 0.9 * pow(error, -0.2)) : 0.2;
         }
         if (!last || error > 1e-4) s->step = h * fmin(5.0, 0.9 * pow(error + 1e-12, -0.2));
@@ -556,12 +559,11 @@ TT_LOCAL int tt_advance(tt_state *s, double until) {
             monitors(s, later, s->x, began);
         } else memcpy(began, now, sizeof now);
     }
-    s->time = from + span;
+    s->time += later;
     if (!TT_TORQUE_INPUT) {
         s->theta = theta + span * (omega + 0.5 * span * alpha);
         s->omega = omega + span * alpha;
     }
-    s->time = until;
     s->outputs_old = 1;
     for (k = 0; k < TT_STATES; ++k)
         if (!isfinite(s->x[k])) return 0;

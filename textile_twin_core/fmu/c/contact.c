@@ -324,8 +324,8 @@ TT_LOCAL void tt_bring_up_to_date(tt_state *s) {
 }
 
 /* Go on for a communication step: the inputs with their acceleration, less what the shaft was off them. */
-TT_LOCAL int tt_advance(tt_state *s, double until) {
-    double span = until - s->time, theta[6] = {0.0}, reached[3], c[6], off[3] = {0.0}, end[3] = {0.0};
+TT_LOCAL int tt_advance(tt_state *s, double span) {
+    double theta[6] = {0.0}, reached[3], c[6], off[3] = {0.0}, end[3] = {0.0};
     int k;
     refresh(s);
     s->begun = 1;
@@ -343,7 +343,7 @@ TT_LOCAL int tt_advance(tt_state *s, double until) {
     theta[1] += s->omega;
     theta[2] += 0.5 * s->alpha;
     s->failed = !follow(s, theta, span);
-    s->time = until;
+    s->time += span;
     s->outputs_old = 1;
     for (k = 0; k < TT_ELEMENTS; ++k) s->failed |= !isfinite(s->x[k]);
     return !s->failed;

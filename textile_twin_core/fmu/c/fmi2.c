@@ -5,6 +5,18 @@
 #include <string.h>
 #include "textile_twin.h"
 
+/* Prefix of all functions, for several units in one program: cc -DFMI2_FUNCTION_PREFIX=name_ */
+#if defined(FMI2_ACTUAL_FUNCTION_PREFIX)
+#define PREFIX FMI2_ACTUAL_FUNCTION_PREFIX
+#elif defined(FMI2_FUNCTION_PREFIX)
+#define PREFIX FMI2_FUNCTION_PREFIX
+#else
+#define PREFIX
+#endif
+#define JOINED(prefix, name) prefix##name
+#define JOIN(prefix, name) JOINED(prefix, name)
+#define FMI(name) JOIN(PREFIX, fmi2##name)
+
 typedef void *Component;
 typedef int Status, Boolean, Integer;
 typedef unsigned int Reference;
@@ -39,14 +51,14 @@ static Status fail(Component c, String message) {
     return ERROR;
 }
 
-TT_EXPORT String fmi2GetTypesPlatform(void) { return "default"; }
-TT_EXPORT String fmi2GetVersion(void) { return "2.0"; }
-TT_EXPORT Status fmi2SetDebugLogging(Component c, Boolean on, size_t n, const String categories[]) {
+TT_EXPORT String FMI(GetTypesPlatform)(void) { return "default"; }
+TT_EXPORT String FMI(GetVersion)(void) { return "2.0"; }
+TT_EXPORT Status FMI(SetDebugLogging)(Component c, Boolean on, size_t n, const String categories[]) {
     (void)c; (void)on; (void)n; (void)categories;
     return OK;
 }
 
-TT_EXPORT Component fmi2Instantiate(String name, int type, String token, String resources, const Callbacks *callbacks,
+TT_EXPORT Component FMI(Instantiate)(String name, int type, String token, String resources, const Callbacks *callbacks,
                                     Boolean visible, Boolean logging) {
     Instance *i;
     (void)type; (void)resources; (void)visible; (void)logging;
@@ -62,37 +74,37 @@ TT_EXPORT Component fmi2Instantiate(String name, int type, String token, String 
     tt_reset(&i->state);
     return i;
 }
-TT_EXPORT void fmi2FreeInstance(Component c) { free(c); }
+TT_EXPORT void FMI(FreeInstance)(Component c) { free(c); }
 
-TT_EXPORT Status fmi2SetupExperiment(Component c, Boolean has_tolerance, Real tolerance, Real start, Boolean has_stop,
+TT_EXPORT Status FMI(SetupExperiment)(Component c, Boolean has_tolerance, Real tolerance, Real start, Boolean has_stop,
                                      Real stop) {
     (void)has_tolerance; (void)tolerance; (void)has_stop; (void)stop;
     STATE(c)->time = start;
     return OK;
 }
-TT_EXPORT Status fmi2EnterInitializationMode(Component c) { (void)c; return OK; }
-TT_EXPORT Status fmi2ExitInitializationMode(Component c) { tt_initialize(STATE(c)); return OK; }
-TT_EXPORT Status fmi2Terminate(Component c) { (void)c; return OK; }
-TT_EXPORT Status fmi2Reset(Component c) { tt_reset(STATE(c)); return OK; }
+TT_EXPORT Status FMI(EnterInitializationMode)(Component c) { (void)c; return OK; }
+TT_EXPORT Status FMI(ExitInitializationMode)(Component c) { tt_initialize(STATE(c)); return OK; }
+TT_EXPORT Status FMI(Terminate)(Component c) { (void)c; return OK; }
+TT_EXPORT Status FMI(Reset)(Component c) { tt_reset(STATE(c)); return OK; }
 
-TT_EXPORT Status fmi2GetReal(Component c, const Reference r[], size_t n, Real value[]) {
+TT_EXPORT Status FMI(GetReal)(Component c, const Reference r[], size_t n, Real value[]) {
     size_t k;
     for (k = 0; k < n; ++k)
         if (!tt_get(STATE(c), r[k], &value[k])) return fail(c, "fmi2GetReal: no variable has this value reference");
     return OK;
 }
-TT_EXPORT Status fmi2SetReal(Component c, const Reference r[], size_t n, const Real value[]) {
+TT_EXPORT Status FMI(SetReal)(Component c, const Reference r[], size_t n, const Real value[]) {
     size_t k;
     for (k = 0; k < n; ++k)
         if (!tt_set(STATE(c), r[k], value[k])) return fail(c, "fmi2SetReal: this variable cannot be set");
     return OK;
 }
 #define NO_VARIABLES(kind, type)                                                                                       \
-    TT_EXPORT Status fmi2Get##kind(Component c, const Reference r[], size_t n, type value[]) {                         \
+    TT_EXPORT Status FMI(Get##kind)(Component c, const Reference r[], size_t n, type value[]) {                         \
         (void)r; (void)value;                                                                                          \
         return n ? fail(c, "there are variables of type Real alone") : OK;                                             \
     }                                                                                                                  \
-    TT_EXPORT Status fmi2Set##kind(Component c, const Reference r[], size_t n, const type value[]) {                   \
+    TT_EXPORT Status FMI(Set##kind)(Component c, const Reference r[], size_t n, const type value[]) {                   \
         (void)r; (void)value;                                                                                          \
         return n ? fail(c, "there are variables of type Real alone") : OK;                                             \
     }
@@ -100,77 +112,77 @@ NO_VARIABLES(Integer, Integer)
 NO_VARIABLES(Boolean, Boolean)
 NO_VARIABLES(String, String)
 
-TT_EXPORT Status fmi2GetFMUstate(Component c, void **state) {
+TT_EXPORT Status FMI(GetFMUstate)(Component c, void **state) {
     if (!*state) *state = malloc(sizeof(tt_state));
     if (!*state) return fail(c, "fmi2GetFMUstate: no memory");
     memcpy(*state, STATE(c), sizeof(tt_state));
     return OK;
 }
-TT_EXPORT Status fmi2SetFMUstate(Component c, void *state) { memcpy(STATE(c), state, sizeof(tt_state)); return OK; }
-TT_EXPORT Status fmi2FreeFMUstate(Component c, void **state) {
+TT_EXPORT Status FMI(SetFMUstate)(Component c, void *state) { memcpy(STATE(c), state, sizeof(tt_state)); return OK; }
+TT_EXPORT Status FMI(FreeFMUstate)(Component c, void **state) {
     (void)c;
     free(*state);
     *state = NULL;
     return OK;
 }
-TT_EXPORT Status fmi2SerializedFMUstateSize(Component c, void *state, size_t *size) {
+TT_EXPORT Status FMI(SerializedFMUstateSize)(Component c, void *state, size_t *size) {
     (void)c; (void)state;
     *size = sizeof(tt_state);
     return OK;
 }
-TT_EXPORT Status fmi2SerializeFMUstate(Component c, void *state, char bytes[], size_t size) {
+TT_EXPORT Status FMI(SerializeFMUstate)(Component c, void *state, char bytes[], size_t size) {
     if (size < sizeof(tt_state)) return fail(c, "fmi2SerializeFMUstate: the buffer is too small");
     memcpy(bytes, state, sizeof(tt_state));
     return OK;
 }
-TT_EXPORT Status fmi2DeSerializeFMUstate(Component c, const char bytes[], size_t size, void **state) {
+TT_EXPORT Status FMI(DeSerializeFMUstate)(Component c, const char bytes[], size_t size, void **state) {
     if (size < sizeof(tt_state)) return fail(c, "fmi2DeSerializeFMUstate: the buffer holds no state of this model");
     if (!*state) *state = malloc(sizeof(tt_state));
     if (!*state) return fail(c, "fmi2DeSerializeFMUstate: no memory");
     memcpy(*state, bytes, sizeof(tt_state));
     return OK;
 }
-TT_EXPORT Status fmi2GetDirectionalDerivative(Component c, const Reference u[], size_t nu, const Reference k[],
+TT_EXPORT Status FMI(GetDirectionalDerivative)(Component c, const Reference u[], size_t nu, const Reference k[],
                                               size_t nk, const Real dk[], Real du[]) {
     (void)u; (void)nu; (void)k; (void)nk; (void)dk; (void)du;
     return fail(c, "fmi2GetDirectionalDerivative is not provided");
 }
 
 /* Model exchange. */
-TT_EXPORT Status fmi2EnterEventMode(Component c) { (void)c; return OK; }
-TT_EXPORT Status fmi2NewDiscreteStates(Component c, EventInfo *info) {
+TT_EXPORT Status FMI(EnterEventMode)(Component c) { (void)c; return OK; }
+TT_EXPORT Status FMI(NewDiscreteStates)(Component c, EventInfo *info) {
     memset(info, 0, sizeof *info);
     info->values_changed = tt_event(STATE(c));
     return OK;
 }
-TT_EXPORT Status fmi2EnterContinuousTimeMode(Component c) { (void)c; return OK; }
-TT_EXPORT Status fmi2CompletedIntegratorStep(Component c, Boolean no_set, Boolean *enter_event, Boolean *terminate) {
+TT_EXPORT Status FMI(EnterContinuousTimeMode)(Component c) { (void)c; return OK; }
+TT_EXPORT Status FMI(CompletedIntegratorStep)(Component c, Boolean no_set, Boolean *enter_event, Boolean *terminate) {
     (void)c; (void)no_set;
     *enter_event = *terminate = 0;
     return OK;
 }
-TT_EXPORT Status fmi2SetTime(Component c, Real time) { STATE(c)->time = time; return OK; }
-TT_EXPORT Status fmi2SetContinuousStates(Component c, const Real x[], size_t n) {
+TT_EXPORT Status FMI(SetTime)(Component c, Real time) { STATE(c)->time = time; return OK; }
+TT_EXPORT Status FMI(SetContinuousStates)(Component c, const Real x[], size_t n) {
     if (n != (size_t)TT_STATES) return fail(c, "fmi2SetContinuousStates: wrong number of states");
     if (n) tt_set_states(STATE(c), x);
     return OK;
 }
-TT_EXPORT Status fmi2GetDerivatives(Component c, Real derivative[], size_t n) {
+TT_EXPORT Status FMI(GetDerivatives)(Component c, Real derivative[], size_t n) {
     if (n != (size_t)TT_STATES) return fail(c, "fmi2GetDerivatives: wrong number of states");
     tt_derivatives(STATE(c), derivative);
     return OK;
 }
-TT_EXPORT Status fmi2GetEventIndicators(Component c, Real indicator[], size_t n) {
+TT_EXPORT Status FMI(GetEventIndicators)(Component c, Real indicator[], size_t n) {
     if (n != (size_t)TT_INDICATORS) return fail(c, "fmi2GetEventIndicators: wrong number of indicators");
     if (n) tt_indicators(STATE(c), indicator);
     return OK;
 }
-TT_EXPORT Status fmi2GetContinuousStates(Component c, Real x[], size_t n) {
+TT_EXPORT Status FMI(GetContinuousStates)(Component c, Real x[], size_t n) {
     if (n != (size_t)TT_STATES) return fail(c, "fmi2GetContinuousStates: wrong number of states");
     if (n) tt_get_states(STATE(c), x);
     return OK;
 }
-TT_EXPORT Status fmi2GetNominalsOfContinuousStates(Component c, Real x[], size_t n) {
+TT_EXPORT Status FMI(GetNominalsOfContinuousStates)(Component c, Real x[], size_t n) {
     size_t k;
     (void)c;
     for (k = 0; k < n; ++k) x[k] = 1.0;
@@ -178,43 +190,43 @@ TT_EXPORT Status fmi2GetNominalsOfContinuousStates(Component c, Real x[], size_t
 }
 
 /* Co-simulation. */
-TT_EXPORT Status fmi2SetRealInputDerivatives(Component c, const Reference r[], size_t n, const Integer order[],
+TT_EXPORT Status FMI(SetRealInputDerivatives)(Component c, const Reference r[], size_t n, const Integer order[],
                                              const Real value[]) {
     (void)r; (void)n; (void)order; (void)value;
     return fail(c, "fmi2SetRealInputDerivatives is not provided");
 }
-TT_EXPORT Status fmi2GetRealOutputDerivatives(Component c, const Reference r[], size_t n, const Integer order[],
+TT_EXPORT Status FMI(GetRealOutputDerivatives)(Component c, const Reference r[], size_t n, const Integer order[],
                                               Real value[]) {
     (void)r; (void)n; (void)order; (void)value;
     return fail(c, "fmi2GetRealOutputDerivatives is not provided");
 }
-TT_EXPORT Status fmi2DoStep(Component c, Real now, Real size, Boolean no_set) {
+TT_EXPORT Status FMI(DoStep)(Component c, Real now, Real size, Boolean no_set) {
     (void)no_set;
     STATE(c)->time = now;
-    if (!tt_advance(STATE(c), now + size)) return fail(c, "fmi2DoStep: the motion cannot be followed; check inputs and parameters");
+    if (!tt_advance(STATE(c), size)) return fail(c, "fmi2DoStep: the motion cannot be followed; check inputs and parameters");
     return OK;
 }
-TT_EXPORT Status fmi2CancelStep(Component c) { return fail(c, "fmi2CancelStep: no step is pending"); }
-TT_EXPORT Status fmi2GetStatus(Component c, int kind, Status *value) {
+TT_EXPORT Status FMI(CancelStep)(Component c) { return fail(c, "fmi2CancelStep: no step is pending"); }
+TT_EXPORT Status FMI(GetStatus)(Component c, int kind, Status *value) {
     (void)c; (void)kind; (void)value;
     return DISCARD;
 }
-TT_EXPORT Status fmi2GetRealStatus(Component c, int kind, Real *value) {
+TT_EXPORT Status FMI(GetRealStatus)(Component c, int kind, Real *value) {
     if (kind != 2) return DISCARD; /* the last successful time */
     *value = STATE(c)->time;
     return OK;
 }
-TT_EXPORT Status fmi2GetIntegerStatus(Component c, int kind, Integer *value) {
+TT_EXPORT Status FMI(GetIntegerStatus)(Component c, int kind, Integer *value) {
     (void)c; (void)kind; (void)value;
     return DISCARD;
 }
-TT_EXPORT Status fmi2GetBooleanStatus(Component c, int kind, Boolean *value) {
+TT_EXPORT Status FMI(GetBooleanStatus)(Component c, int kind, Boolean *value) {
     (void)c;
     if (kind != 3) return DISCARD; /* terminated */
     *value = 0;
     return OK;
 }
-TT_EXPORT Status fmi2GetStringStatus(Component c, int kind, String *value) {
+TT_EXPORT Status FMI(GetStringStatus)(Component c, int kind, String *value) {
     (void)c; (void)kind; (void)value;
     return DISCARD;
 }

@@ -64,8 +64,13 @@ TT_LOCAL void tt_bring_up_to_date(tt_state *s) {
 #if TT_TORQUE_INPUT
     if (!s->initialized) tt_initialize(s), s->initialized = 0;
     s->alpha = acceleration(s);
+    if (!s->direction) {
+        double value[TT_SIZE(TT_LEAPS)], level[TT_SIZE(TT_LEAPS)];
+        tt_leaps(s->constant, s->theta, 0.0, 0.0, value, level);
+        tt_outputs(s->constant, s->theta, 0.0, 0.0, value, s->output);
+    } else
 #endif
-    tt_outputs(s->constant, s->theta, s->omega, s->alpha, s->output);
+    tt_outputs(s->constant, s->theta, s->omega, s->alpha, s->leap, s->output);
     s->outputs_old = 0;
 }
 
@@ -173,8 +178,8 @@ static int met(const tt_state *s, double theta, double omega) {
     return memcmp(value, s->leap, TT_LEAPS * sizeof(double)) != 0;
 }
 
-/* Go exactly onto what comes first within a step of h, to the rounding of the time. */
-static void land(tt_state *s, double h) {
+/* Go exactly onto the first event within a step of h, to the rounding of the time; returns its time from the beginning. */
+static double land(tt_state *s, double h) {
     double low = 0.0, high = h, theta, omega;
     for (;;) {
         double middle = 0.5 * (low + high);
@@ -184,23 +189,24 @@ static void land(tt_state *s, double h) {
         if (high - low < 1e-17) break;
     }
     step(s, high, &theta, &omega);
-    s->time += high;
     s->theta = theta;
     s->omega = omega;
     if (s->direction * omega < 0.0) s->omega = 0.0;
+    return high;
 }
 #endif
 
-TT_LOCAL int tt_advance(tt_state *s, double until) {
+TT_LOCAL int tt_advance(tt_state *s, double span) {
     refresh(s);
 #if TT_TORQUE_INPUT
+    double done = 0.0;
     long steps;
     tt_event(s);
-    for (steps = 0; steps < MOST_STEPS && s->time < until; ++steps) {
-        double left = until - s->time, h = s->step > 0.0 ? s->step : 1e-4, theta, omega, error, fastest;
+    for (steps = 0; steps < MOST_STEPS && done < span; ++steps) {
+        double left = span - done, h = s->step > 0.0 ? s->step : 1e-4, theta, omega, error, fastest;
         int last = 0;
         if (!s->direction) {
-            s->time = until;
+            done = span;
             break;
         }
         for (;;) {
@@ -210,24 +216,28 @@ TT_LOCAL int tt_advance(tt_state *s, double until) {
             if (last) h = left;
             error = step(s, h, &theta, &omega);
             if (error <= 1.0 || (error == error && h < 1e-12)) break;
-            if (h < 1e-14) return 0;
+            if (h < 1e-14) {
+                s->time += done;
+                return 0;
+            }
             h *= error == error ? fmax(0.2, 0.9 * pow(error, -0.2)) : 0.2;
         }
         if (!last || error > 1e-4) s->step = h * fmin(5.0, 0.9 * pow(error + 1e-12, -0.2));
         if (met(s, theta, omega) || met(s, 0.5 * (s->theta + theta), omega)) {
-            land(s, h);
+            done += land(s, h);
             tt_event(s);
             continue;
         }
         s->theta = theta;
         s->omega = omega;
-        s->time = last ? until : s->time + h;
+        done = last ? span : done + h;
     }
+    s->time += done;
     s->outputs_old = 1;
     s->alpha = acceleration(s);
-    return s->time >= until && isfinite(s->omega) && isfinite(s->alpha);
+    return done >= span && isfinite(s->omega) && isfinite(s->alpha);
 #else
-    s->time = until;
+    s->time += span;
     return 1;
 #endif
 }

@@ -153,7 +153,7 @@ typedef struct {
 
 /* Generated. */
 TT_LOCAL void tt_constants(const double *p, double *c);
-TT_LOCAL void tt_outputs(const double *c, double theta, double omega, double alpha, double *y);
+TT_LOCAL void tt_outputs(const double *c, double theta, double omega, double alpha, const double *leap, double *y);
 TT_LOCAL void tt_leaps(const double *c, double theta, double omega, double alpha, double *value, double *level);
 TT_LOCAL double tt_acceleration(const double *c, double theta, double omega, double torque, const double *leap);
 
@@ -174,6 +174,7 @@ TT_LOCAL void tt_set_states(tt_state *s, const double *x);
 TT_LOCAL void tt_derivatives(tt_state *s, double *derivative);
 TT_LOCAL void tt_indicators(tt_state *s, double *indicator);
 TT_LOCAL int tt_event(tt_state *s); /* returns 1 where it changes a continuous state */
-TT_LOCAL int tt_advance(tt_state *s, double until); /* returns 0 where the motion cannot be followed */
+/* Advance by a span, which is exact where the time of a start long ago is not; 0 where the motion cannot be followed. */
+TT_LOCAL int tt_advance(tt_state *s, double span);
 
 #endif
