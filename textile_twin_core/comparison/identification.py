@@ -264,5 +264,5 @@ def _clean_motion(readings: Readings, machine: Machine, found: Judged) -> ShaftT
     excess = None
     if not encoder.teeth:
         time: FloatArray = np.asarray((readings.angle_stamps_ns - readings.angle_stamps_ns[0]) * 1e-9, np.float64)
-        excess = excess_of(track, time, readings.angle * encoder.ratio, TURN * encoder.ratio)
+        excess = excess_of(track, time, encoder.true_angle(readings.angle) * encoder.ratio, TURN * encoder.ratio)
     return repeating_motion(track, encoder.cycle_turns, found.evidence.slow_rad_s, excess)

@@ -51,7 +51,7 @@ class Monitor:
         self._terms = TorqueTerms(machine)
         self._settings = configured_settings(machine)
         encoder = machine.sensors.encoder
-        self._ratio, self._direction = encoder.ratio, encoder.direction
+        self._encoder = encoder
         self._estimator = create_estimator(shaft, **encoder_settings(replace(encoder, direction=1, zero_rad=0.0)))
         self.watch = FaultWatch(self._torque_size(machine), settings or WatchSettings())
         self._states: list[FloatArray] = []
@@ -64,8 +64,9 @@ class Monitor:
         self, stamps_ns: npt.ArrayLike, angles_rad: npt.ArrayLike, velocities: npt.ArrayLike | None = None
     ) -> None:
         """Take encoder angles (n,) as logged."""
-        speeds = None if velocities is None else np.asarray(velocities, np.float64) * self._ratio
-        angles = np.asarray(angles_rad, np.float64) * self._ratio
+        encoder = self._encoder
+        speeds = None if velocities is None else encoder.true_speed(angles_rad, velocities) * encoder.ratio
+        angles = encoder.true_angle(angles_rad) * encoder.ratio
         self._take_states(self._estimator.step(np.asarray(stamps_ns, np.int64), angles, speeds))
 
     def add_torques(self, stamps_ns: npt.ArrayLike, torque_Nm: npt.ArrayLike) -> None:

@@ -94,11 +94,9 @@ class _Observed:
         self._speed, self.configured = machine.nominal_speed_rad_s, shaft_values(machine)
         self.scales = ShaftObserver(self._elastic, self._speed).scales
         encoder, sensor = machine.sensors.encoder, machine.sensors.torque
-        turned = encoder.direction * encoder.ratio
-        velocities = None if readings.velocities is None else readings.velocities * turned
+        velocities = None if readings.velocities is None else encoder.shaft_speed(readings.angle, readings.velocities)
         estimator = create_estimator("causal", **encoder_settings(encoder))
-        angle = (readings.angle - encoder.zero_rad) * turned
-        states = estimator.step(readings.angle_stamps_ns, angle, velocities)
+        states = estimator.step(readings.angle_stamps_ns, encoder.shaft_angle(readings.angle), velocities)
         stamps = np.asarray(states.stamps, dtype=np.int64)
         if stamps.size < _FEWEST:
             raise RecordingError(f"only {stamps.size} shaft angles can be used: record longer")
@@ -188,7 +186,7 @@ def _second_angles(
     good = np.isfinite(second.angle)
     good[good] = np.diff(second.stamps_ns[good], prepend=np.iinfo(np.int64).min // 2) > 0
     time = (second.stamps_ns[good] - origin_ns) * 1e-9
-    angle = (second.angle[good] - encoder.zero_rad) * encoder.direction * encoder.ratio
+    angle = encoder.shaft_angle(second.angle[good])
     within = (time >= known[0]) & (time <= known[-1])
     return time[within], np.unwrap(angle, period=TURN * encoder.ratio)[within]
 

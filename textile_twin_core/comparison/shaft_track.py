@@ -136,7 +136,8 @@ def shaft_track(
     """
     ratio = encoder.ratio
     estimator = create_estimator("smooth", **encoder_settings(replace(encoder, direction=1, zero_rad=0.0)))
-    blocks = estimator.step(stamps_ns, angle_rad * ratio, None if velocities is None else velocities * ratio)
+    speeds = None if velocities is None else encoder.true_speed(angle_rad, velocities) * ratio
+    blocks = estimator.step(stamps_ns, encoder.true_angle(angle_rad) * ratio, speeds)
     states = [part for part in (blocks, estimator.finish()) if len(part)]
     if not states:
         raise RecordingError(f"too few shaft angles for a motion; {estimator.report.text()}")

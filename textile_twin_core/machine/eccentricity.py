@@ -11,10 +11,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
+from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.errors import MachineError
 
 MOST_SLOPE = 0.5
@@ -45,15 +47,25 @@ class Eccentricity:
                 f"encoder: eccentricity_rad must be finite and small in radians: times its order below {MOST_SLOPE}"
             )
 
+    @property
+    def largest_rad(self) -> float:
+        """Bound of |e| [rad]."""
+        return math.fsum(math.hypot(*pair) for pair in self.pairs)
+
     def _slope(self) -> float:
         """Return a bound of |e'|."""
         return math.fsum(order * math.hypot(*pair) for order, pair in enumerate(self.pairs, 1))
 
+    @cached_property
+    def _coefficients(self) -> FloatArray:
+        return np.array(self.pairs, dtype=np.float64).reshape(-1, 2)
+
+    @cached_property
     def _steps(self) -> int:
         """Return the number of Newton steps after which the inverse is exact to rounding."""
         curvature = math.fsum(order**2 * math.hypot(*pair) for order, pair in enumerate(self.pairs, 1))
         factor = curvature / (2.0 * (1.0 - self._slope()))
-        error, steps = math.fsum(math.hypot(*pair) for pair in self.pairs), 0
+        error, steps = self.largest_rad, 0
         while error > _EXACT_RAD:
             error, steps = min(factor * error, 0.5) * error, steps + 1
         return steps
@@ -70,28 +82,42 @@ class Eccentricity:
 
     def true_angle(self, reading_rad: FloatArray) -> FloatArray:
         """Correct readings (n,), wrapped or not, to true angles of the encoder [rad]."""
-        if reading_rad.size == 1:
-            return np.full_like(reading_rad, self._true_angle(float(reading_rad.item())))
-        shift = np.zeros_like(reading_rad)
-        for _ in range(self._steps()):
-            value, slope = self.error(reading_rad + shift)
-            shift -= (shift + value) / (1.0 + slope)
-        return reading_rad + shift
+        readings = np.ascontiguousarray(reading_rad).reshape(-1)
+        out = np.empty_like(readings)
+        _true_angles(readings, self._coefficients, self._steps, out)
+        return out.reshape(reading_rad.shape)
 
-    def _true_angle(self, reading_rad: float) -> float:
-        """Correct one reading, without the cost of arrays."""
-        if not math.isfinite(reading_rad):
-            return math.nan
-        shift = 0.0
-        for _ in range(self._steps()):
-            value, slope = 0.0, 1.0
-            for order, (c, s) in enumerate(self.pairs, 1):
-                cos, sin = math.cos(order * (reading_rad + shift)), math.sin(order * (reading_rad + shift))
-                value += c * cos + s * sin
-                slope += order * (s * cos - c * sin)
-            shift -= (shift + value) / slope
-        return reading_rad + shift
+    def true_reading(self, reading_rad: float) -> tuple[float, float]:
+        """Correct one reading, and return the slope of the readings over the true angle there, too."""
+        one = np.array((reading_rad,))
+        _true_angles(one, self._coefficients, self._steps, one)
+        angle = one.item()
+        slope = 1.0
+        for order, (c, s) in enumerate(self.pairs, 1):
+            slope += order * (s * math.cos(order * angle) - c * math.sin(order * angle))
+        return angle, slope
 
     def reading(self, angle_rad: FloatArray) -> FloatArray:
         """Return the readings (n,) at true angles of the encoder [rad]."""
         return angle_rad + self.error(angle_rad)[0]
+
+
+@compiled_in_place
+def _true_angles(readings: FloatArray, coefficients: FloatArray, steps: int, out: FloatArray) -> None:
+    """Solve q + e(q) = reading for each reading; NaN where it is not finite."""
+    for i in range(readings.size):
+        reading = readings[i]
+        if not np.isfinite(reading):
+            out[i] = np.nan
+            continue
+        shift = 0.0
+        for _ in range(steps):
+            gap, slope = shift, 1.0
+            for k in range(coefficients.shape[0]):
+                order = k + 1.0
+                angle = order * (reading + shift)
+                cos, sin = math.cos(angle), math.sin(angle)
+                gap += coefficients[k, 0] * cos + coefficients[k, 1] * sin
+                slope += order * (coefficients[k, 1] * cos - coefficients[k, 0] * sin)
+            shift -= gap / slope
+        out[i] = reading + shift

@@ -26,6 +26,10 @@ ENCODER_OPTIONS: Mapping[str, str] = {
 """Encoder settings that commands and nodes may override, with their descriptions."""
 
 
+_LARGEST_OF_PITCH = 0.4
+"""Largest periodic error of a toothed wheel, in pitches, with which an angle still shows its tooth."""
+
+
 @dataclass(frozen=True)
 class Encoder:
     """Relation of measured and shaft angle: shaft = (q - zero) * direction * ratio, q = measured - e(q).
@@ -80,11 +84,21 @@ class Encoder:
             raise MachineError(
                 f"encoder: pitch_errors_rad has {len(self.pitch_errors_rad)} values for {self.teeth} teeth"
             )
-        Eccentricity(self.eccentricity_rad)
+        size = Eccentricity(self.eccentricity_rad).largest_rad
+        if self.teeth and size > _LARGEST_OF_PITCH * 2.0 * math.pi / self.teeth:
+            raise MachineError(
+                f"encoder: an eccentricity_rad of {size:.3g} rad leaves the teeth of this wheel uncertain; give it as"
+                " pitch_errors_rad"
+            )
 
     @cached_property
     def _eccentricity(self) -> Eccentricity | None:
         return Eccentricity(self.eccentricity_rad) if any(map(any, self.eccentricity_rad)) else None
+
+    @property
+    def is_corrected(self) -> bool:
+        """True where readings are corrected for a periodic error."""
+        return self._eccentricity is not None
 
     @property
     def factor(self) -> float:
@@ -93,17 +107,30 @@ class Encoder:
 
     def shaft_angle(self, measured_rad: npt.ArrayLike) -> FloatArray:
         """Convert measured angles (n,), wrapped or not, to angles of the shaft [rad]."""
-        measured = np.asarray(measured_rad, dtype=np.float64)
-        true = measured if self._eccentricity is None else self._eccentricity.true_angle(measured)
-        return (true - self.zero_rad) * self.factor
+        return (self.true_angle(measured_rad) - self.zero_rad) * self.factor
+
+    def shaft_reading(self, measured_rad: float, measured_rad_s: float) -> tuple[float, float]:
+        """Convert one measured angle and speed (NaN: none) to those of the shaft, without the cost of arrays."""
+        if self._eccentricity is not None:
+            measured_rad, slope = self._eccentricity.true_reading(measured_rad)
+            measured_rad_s /= slope
+        return (measured_rad - self.zero_rad) * self.factor, measured_rad_s * self.factor
 
     def shaft_speed(self, measured_rad: npt.ArrayLike, measured_rad_s: npt.ArrayLike) -> FloatArray:
         """Convert measured speeds (n,) to speeds of the shaft [rad/s], given the angles measured with them."""
+        return self.true_speed(measured_rad, measured_rad_s) * self.factor
+
+    def true_angle(self, measured_rad: npt.ArrayLike) -> FloatArray:
+        """Correct measured angles (n,) for the periodic error; still those of the encoder, with its zero [rad]."""
+        measured = np.asarray(measured_rad, dtype=np.float64)
+        return measured if self._eccentricity is None else self._eccentricity.true_angle(measured)
+
+    def true_speed(self, measured_rad: npt.ArrayLike, measured_rad_s: npt.ArrayLike) -> FloatArray:
+        """Correct measured speeds (n,) for the periodic error; still those of the encoder [rad/s]."""
         speed = np.asarray(measured_rad_s, dtype=np.float64)
-        if self._eccentricity is not None:
-            true = self._eccentricity.true_angle(np.asarray(measured_rad, dtype=np.float64))
-            speed = speed / (1.0 + self._eccentricity.error(true)[1])
-        return speed * self.factor
+        if self._eccentricity is None or speed.shape != np.shape(measured_rad):  # which the estimator refuses
+            return speed
+        return np.asarray(speed / (1.0 + self._eccentricity.error(self.true_angle(measured_rad))[1]))
 
     def measured_angle(self, shaft_rad: npt.ArrayLike) -> FloatArray:
         """Convert unwrapped angles of the shaft (n,) to the angles that the encoder measures [rad]."""
@@ -117,6 +144,13 @@ class Encoder:
             return speed
         true = np.asarray(shaft_rad, dtype=np.float64) / self.factor + self.zero_rad
         return speed * (1.0 + self._eccentricity.error(true)[1])
+
+    def reading_at(self, shaft_rad: FloatArray) -> FloatArray:
+        """Return the reading, as an angle of the shaft, behind corrected angles of the shaft (n,) [rad].
+
+        The readings, not the corrected angles, are multiples of the encoder's step.
+        """
+        return self.measured_angle(shaft_rad) * self.ratio
 
 
 @dataclass(frozen=True)

@@ -88,7 +88,7 @@ def force_torque(
     time, known = (stamps_ns - origin) * 1e-9, (angles[0] - origin) * 1e-9
     inside = (time >= known[0]) & (time <= known[-1]) & np.isfinite(force_N)
     measured = np.interp(time[inside], known, angles[1])
-    theta = (measured - encoder.zero_rad) * encoder.direction * encoder.ratio
+    theta = encoder.shaft_angle(measured)
     travel = compile_machine(machine, [name]).evaluate(theta, np.ones_like(theta), np.zeros_like(theta))[name]
     force = force_N[inside]
     if zero_at_rad is not None:

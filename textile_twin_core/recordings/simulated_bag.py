@@ -39,8 +39,8 @@ def write_simulated_bag(
     start_ns = _START_NS + max(0, round(-sensor.delay_s * 1e9))
     stamps = start_ns + np.rint(_times(motion) * 1e9).astype(np.int64)
     with BagWriter(path, {"source": f"simulation of {machine.name}"}, overwrite=True) as out:
-        factor = encoder.direction * encoder.ratio
-        angle, speed = motion.theta_rad / factor + encoder.zero_rad, motion.omega_rad_s / factor
+        angle = encoder.measured_angle(motion.theta_rad)
+        speed = encoder.measured_speed(motion.theta_rad, motion.omega_rad_s)
         out.write_joint_states("main_shaft/angle", stamps, ["main_shaft"], angle, speed)
         if "balancing_torque_Nm" in outputs:
             torque = outputs["balancing_torque_Nm"]

@@ -194,7 +194,10 @@ class ShaftEstimator:
     def _find_step(self, block: Block) -> None:
         """Search the encoder's step in a filtered block."""
         used = ~np.isnan(block.unwrapped)
-        step = self._finder.take(block.stamps[used].astype(np.float64), block.unwrapped[used])
+        readings = block.unwrapped[used]
+        if self._settings.reading_at is not None:
+            readings = self._settings.reading_at(readings)
+        step = self._finder.take(block.stamps[used].astype(np.float64), readings)
         if step is not None:
             set_resolution(self._status, step)
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
 
+from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import SceneError
 from textile_twin_core.shaft.turns import TURN
 
@@ -30,6 +32,8 @@ class ShaftSettings:
         cycle_turns: turns after which the motion repeats; more than 1 for half orders of ripple and lower.
         wrapping: "auto", "wrapped" or "unwrapped".
         period_rad: period of a wrapped angle.
+        reading_at: function from corrected angles (n,) back to the encoder's readings [rad], in which its step is
+            searched; None where the samples are the readings.
 
     Raises:
         SceneError: a setting of the wrong kind or value.
@@ -44,6 +48,7 @@ class ShaftSettings:
     cycle_turns: int = 1
     wrapping: str = "auto"
     period_rad: float = TURN
+    reading_at: Callable[[FloatArray], FloatArray] | None = None
 
     def __post_init__(self) -> None:
         require_positive("period_rad", self.period_rad)

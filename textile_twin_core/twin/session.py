@@ -148,9 +148,10 @@ def encoder_settings(encoder: Encoder) -> dict[str, Any]:
         "resolution_rad": None if step is None else step * encoder.ratio,
         "stamp_jitter_s": encoder.stamp_jitter_s,
         "teeth": encoder.teeth,
-        "tooth_zero_rad": -encoder.zero_rad * encoder.direction * encoder.ratio,
+        "tooth_zero_rad": -encoder.zero_rad * encoder.factor,
         "pitch_errors_rad": encoder.pitch_errors_rad,
         "cycle_turns": encoder.cycle_turns,
+        "reading_at": encoder.reading_at if encoder.is_corrected else None,
     }
 
 
@@ -176,7 +177,6 @@ class Session:
     def __init__(self, twin: AnyTwin, shaft: str, **settings: Any) -> None:
         self.twin, self.shaft = twin, shaft
         self._encoder = twin.machine.sensors.encoder
-        self._factor = self._encoder.direction * self._encoder.ratio
         self._estimator = create_estimator(shaft, **(encoder_settings(self._encoder) | settings))
         self._predictor = twin.predictor(shaft)
         self._restarts = RestartWatch()
@@ -229,8 +229,8 @@ class Session:
             MotionError: Arrays of different lengths, or stamps that change between integers and floats.
         """
         stamp = np.asarray(stamps)
-        angle = (np.asarray(angles, dtype=np.float64) - self._encoder.zero_rad) * self._factor
-        velocity = None if velocities is None else np.asarray(velocities, dtype=np.float64) * self._factor
+        angle = self._encoder.shaft_angle(angles)
+        velocity = None if velocities is None else self._encoder.shaft_speed(angles, velocities)
         parts, begin = [], 0
         for place in self._restarts.restarts(stamp):
             before = slice(begin, place)
@@ -260,8 +260,7 @@ class Session:
                 " under `shaft`"
             )
         encoder = self.twin.machine.sensors.second_encoder
-        angle = (np.asarray(angles, dtype=np.float64) - encoder.zero_rad) * (encoder.direction * encoder.ratio)
-        self._predictor.take_second(np.asarray(stamps), angle)
+        self._predictor.take_second(np.asarray(stamps), encoder.shaft_angle(angles))
 
     def step_one(
         self, stamp: int | float, angle: float, velocity: float | None = None, sigma: bool = False
@@ -283,8 +282,7 @@ class Session:
         return self._step_one(stamp, angle, velocity, sigma)
 
     def _step_one(self, stamp: int | float, angle: float, velocity: float | None, sigma: bool) -> Sequence[Sample]:
-        angle = (angle - self._encoder.zero_rad) * self._factor
-        velocity = math.nan if velocity is None else velocity * self._factor
+        angle, velocity = self._encoder.shaft_reading(angle, math.nan if velocity is None else velocity)
         if sigma or not (self._predictor.at_once and self._estimator.serves_one(stamp)):
             states = self._estimator.step(np.array((stamp,)), np.array((angle,)), np.array((velocity,)))
             return tuple(self._predict(states).rows(sigma)) if len(states) else ()
