@@ -115,6 +115,7 @@ def test_a_backing_beyond_the_needle_is_not_fitted() -> None:
     assert shallow in found.machine.loads
 
 
+@pytest.mark.campaign
 def test_an_event_without_samples_beside_it_stays_as_configured() -> None:
     """Torque cut off at 60 % of its largest value: the samples in the backing beside the exit are lost."""
     case = healthy("tufting", 200, duration_s=24.0)
@@ -133,6 +134,7 @@ def test_an_event_without_samples_beside_it_stays_as_configured() -> None:
             assert abs(found.parameters[name].value - truth) < 3.0 * found.parameters[name].sigma
 
 
+@pytest.mark.campaign
 def test_several_backings_are_reported_as_not_fitted() -> None:
     """A record of one backing, a file with two of half the force: only the event angles are not fitted."""
     case = healthy("tufting", 979, duration_s=16.0)
@@ -219,6 +221,7 @@ def test_too_little_motion_is_said_and_nothing_is_fitted(points: Sequence[tuple[
         identify(Readings(stamps, angle, stamps, torque), configured_machine(case))
 
 
+@pytest.mark.campaign
 def test_gaps_are_reported_and_samples_beside_them_count() -> None:
     case = healthy("tufting", 977, duration_s=24.0)
     made = record(case)

@@ -56,7 +56,7 @@ def inertia(found: Assessment) -> float:
     return cause.value
 
 
-@pytest.mark.parametrize("machine", ["tufting", "loom"])
+@pytest.mark.parametrize("machine", ["tufting", *more("loom")])
 def test_in_a_run_up_it_is_the_only_cause_with_its_number(machine: str) -> None:
     found = assess(planned(heavier(machine)), configured_machine(heavier(machine)))
     assert inertia(found) == pytest.approx(ADDED_KGM2, rel=0.02)
@@ -89,6 +89,7 @@ def test_under_a_controller_of_the_speed_it_is_no_delay(machine: str) -> None:
     assert "follows the speed" in lost["torque_sensor_delay_s"]
 
 
+@pytest.mark.campaign
 @pytest.mark.slow
 @pytest.mark.parametrize("gain_Nms", [40.0, *more(2.0)])
 def test_thirty_times_the_own_inertia_is_found_at_discontinuous_accelerations(gain_Nms: float) -> None:
@@ -100,6 +101,7 @@ def test_thirty_times_the_own_inertia_is_found_at_discontinuous_accelerations(ga
     assert cause.sigma < 0.005 and "for each ms" in cause.text
 
 
+@pytest.mark.campaign
 @pytest.mark.slow
 def test_beside_a_reversed_sign_both_are_named() -> None:
     """A gain, the loads, friction and a zero of 144 degrees explain nearly as much of such a torque."""
@@ -149,6 +151,7 @@ def test_the_one_of_a_little_inertia_and_a_delay_names_the_other(added_kgm2: flo
     assert ("kg m2" in cause.text and "late" in cause.text) or "lags" in cause.text
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(("machine", "gain_Nms"), [("loom", 2.0), *more(("tufting", 2.0), ("tufting", 40.0))])
 def test_late_stamps_under_a_controller_give_no_false_cause(machine: str, gain_Nms: float) -> None:
     """Errors of single accelerations reduce the fitted torque: a gain of 0.944 +- 0.005 and stronger loads."""

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.campaign import more
 from tests.shaft.shaft_signal import make_signal
 from textile_twin_core.shaft import ShaftStates, create_estimator
 
 
 @pytest.mark.parametrize("view", ["causal", "lag", "smooth"])
-@pytest.mark.parametrize("pause_s", [0.12, 0.3, 0.7])
+@pytest.mark.parametrize("pause_s", [0.3, *more(0.12, 0.7)])
 def test_an_even_shaft_continues_over_pauses(view: str, pause_s: float) -> None:
     """Once a second: the ripple's phase and the speed are known, and the estimator does not restart."""
     signal = make_signal(5, duration_s=16.0, dropped=0.0)

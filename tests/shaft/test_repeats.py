@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.campaign import more
 from tests.shaft.kinds import TURN, make
 from tests.shaft.shaft_motion import Law, ShaftMotion
 from tests.shaft.shaft_signal import ShaftSignal, make_signal
@@ -18,8 +19,8 @@ def repeated(signal: ShaftSignal, often: float) -> np.ndarray:
     return np.asarray(signal.angles[np.floor(np.floor(count / often) * often).astype(np.int64)])
 
 
-@pytest.mark.parametrize("often", [2.0, 3.3, 5.0, 8.0])
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("often", [2.0, 5.0, *more(3.3, 8.0)])
+@pytest.mark.parametrize("seed", [1, *more(2)])
 @pytest.mark.parametrize("view", ["causal", "smooth"])
 def test_copies_are_no_readings(view: str, often: float, seed: int) -> None:
     """Counted as readings, copies delay the shaft and turn its motion into a staircase."""

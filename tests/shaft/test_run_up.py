@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.campaign import more
 from tests.generators.mill_recordings import START_NS, healthy, record
 from tests.shaft.shaft_motion import rippling
 from textile_twin_core.shaft import create_estimator
 
 
-@pytest.mark.parametrize("duration_s", [60.0, 280.0])
+@pytest.mark.parametrize("duration_s", [60.0, *more(280.0)])
 def test_the_stop_does_not_choose_the_ripple_of_the_whole(duration_s: float) -> None:
     """Truth by a motion that no estimator knows; turned by its end the acceleration would be off by 3 rad/s^2."""
     made = record(healthy("tufting", 2003, duration_s=duration_s))
