@@ -100,6 +100,7 @@ def test_a_cached_loop_is_used_until_a_function_that_it_calls_changes(
     assert _run(modules, cache, program) == (30.0, 0, "")
 
 
+@pytest.mark.campaign
 @pytest.mark.slow
 def test_damaged_entries_are_compiled_again_and_reported_once(modules: Path, tmp_path: Path) -> None:
     cache = tmp_path / "cache"
@@ -119,6 +120,7 @@ def test_a_directory_that_cannot_be_written_is_reported_once(modules: Path, tmp_
     assert "TEXTILE_TWIN_CACHE_DIR" in said
 
 
+@pytest.mark.campaign
 @pytest.mark.slow
 def test_processes_that_start_together_do_not_disturb_each_other(modules: Path, tmp_path: Path) -> None:
     cache = tmp_path / "cache"
@@ -148,6 +150,7 @@ print(json.dumps([compiling.internals is None, single, batch[::700].tolist(), fl
 """
 
 
+@pytest.mark.campaign
 @pytest.mark.slow
 def test_the_twin_computes_the_same_torque_by_the_public_interface_of_numba(tmp_path: Path) -> None:
     def torque(**environment: str) -> tuple[bool, list[float]]:

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 import textile_twin_core as ttc
+from tests.campaign import more
 from textile_twin_core.bench import run, run_bench
 from textile_twin_core.bench.ratios import ratios
 from textile_twin_core.bench.run import Row, load_peers
@@ -78,7 +79,7 @@ def test_tables_name_every_row(rows: list[Row]) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("library", PEERS.MODULES)
-@pytest.mark.parametrize("number", range(len(SCENES)), ids=SCENES)
+@pytest.mark.parametrize("number", [0, *more(*range(1, len(SCENES)))], ids=SCENES)
 def test_peers_do_the_same_work(library: str, number: int, monkeypatch: pytest.MonkeyPatch) -> None:
     if find_spec(library) is None:
         pytest.skip(f"{library} is not installed here")

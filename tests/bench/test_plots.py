@@ -73,6 +73,7 @@ def test_a_lonely_point_has_its_name_at_its_right() -> None:
     assert len(axes.lines) == 0
 
 
+@pytest.mark.campaign
 def test_work_precision(tmp_path: Path) -> None:
     rows = []
     for name, (time, error) in CROWD.items():
@@ -90,6 +91,7 @@ def test_work_precision(tmp_path: Path) -> None:
     assert _share(few, style.LIMIT) == 0.0
 
 
+@pytest.mark.campaign
 @pytest.mark.slow
 def test_shaft(tmp_path: Path) -> None:
     def row(estimator: str, load: str, bits: int, rpm: float) -> ShaftRow:

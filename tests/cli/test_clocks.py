@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.campaign import more
 from tests.cli.test_poor_recordings import write
 from tests.generators.mill_recordings import MillRecording, Stamps, healthy, record
 from textile_twin_core.cli.main import main
@@ -50,6 +51,7 @@ def test_a_clock_that_was_set_back(
         assert said in printed.err + printed.out and printed.err.count("\n") <= 2
 
 
+@pytest.mark.campaign
 def test_discarded_samples_of_a_clock_set_back_are_of_one_part(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -68,7 +70,7 @@ def test_a_torque_whose_clock_was_set_back_alone(
     assert (printed.err + printed.out).count("/balancing_torque/measured") == 1
 
 
-@pytest.mark.parametrize("which", ["torque", "angle", "both"])
+@pytest.mark.parametrize("which", ["torque", *more("angle", "both")])
 def test_a_clock_that_was_set_back_by_some_seconds_gives_no_verdict(
     which: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

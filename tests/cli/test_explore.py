@@ -12,13 +12,14 @@ from urllib.request import urlopen
 
 import pytest
 
+from tests.campaign import more
 from textile_twin_core.cli.main import main
 
 COMMAND = str(Path(sys.executable).with_name("textile-twin"))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("ending", [signal.SIGINT, *more(signal.SIGTERM)])
 def test_prints_its_address_serves_and_ends_on_a_signal(ending: signal.Signals) -> None:
     command = [COMMAND, "explore", "handloom_beatup", "--no-browser"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:

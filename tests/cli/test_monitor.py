@@ -53,6 +53,7 @@ def test_a_folder_is_watched_alike_by_one_process_and_by_two(
     assert {"bag", "turn", "stamp_ns", "rms_Nm", "load_force_size"} <= set(tables[0].column_names)
 
 
+@pytest.mark.campaign
 @pytest.mark.slow
 def test_recordings_on_a_cluster_give_the_table_of_one_process(tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed", reason="no Dask: pip install distributed")

@@ -98,6 +98,7 @@ def test_samples_beyond_the_part_are_reported(machine: str, tmp_path: Path, caps
     assert capsys.readouterr().err == ""
 
 
+@pytest.mark.campaign
 def test_pictures_are_of_the_part_that_is_declared(machine: str, bag: str, tmp_path: Path) -> None:
     assert main(["simulate", machine, "--rpm", "60", "--png", str(tmp_path / "machine.png")]) == 0
     assert main(["compare", bag, "--machine", machine, "--png", str(tmp_path / "compared.png")]) == 0

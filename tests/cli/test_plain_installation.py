@@ -82,6 +82,7 @@ def run(command: Path, *arguments: str, where: Path) -> subprocess.CompletedProc
     )
 
 
+@pytest.mark.campaign
 @pytest.mark.slow
 def test_machines_simulate_bench_and_published_need_no_extra(plain: Path, tmp_path: Path) -> None:
     there = run(plain, "machines", where=tmp_path)

@@ -75,6 +75,7 @@ def test_what_cannot_be_judged_is_said_in_one_line(
         assert told.err.count("\n") == 1 and words[name] in told.err, (name, told.err)
 
 
+@pytest.mark.campaign
 def test_gaps_do_no_harm_and_are_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bag = write(tmp_path / "gaps", between(record(CASE), (-1.0, 6.0), (7.0, 9.0), (9.6, 20.0)))
     assert run("compare", bag, tmp_path) == 0
@@ -86,6 +87,7 @@ def test_gaps_do_no_harm_and_are_reported(tmp_path: Path, capsys: pytest.Capture
     assert low - 2e-3 < 0.0 < high + 2e-3 and high - low < 0.01
 
 
+@pytest.mark.campaign
 def test_a_controller_that_is_polled_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Simulate a controller that reads the encoder every 10 ms and is polled at 100 Hz by another clock with
     random delay.

@@ -62,10 +62,10 @@ def shown(*arguments: str, answer: str | None = None, codes: tuple[int, ...] = (
     ("command", "expected", "least"),
     [
         ("compare --machine tufting --html {out}.html", ["predicting", "judging", "comparing", "writing"], 100),
-        ("compare --machine tufting --quantity needle_position_m", ["comparing"], 0),
-        ("calibrate --machine tufting --out {out}.yaml", ["judging", "settling"], 80),
-        ("monitor --machine tufting --learn 20", ["watching"], 100),
         *more(
+            ("compare --machine tufting --quantity needle_position_m", ["comparing"], 0),
+            ("calibrate --machine tufting --out {out}.yaml", ["judging", "settling"], 80),
+            ("monitor --machine tufting --learn 20", ["watching"], 100),
             ("compare --machine tufting", ["predicting", "judging", "comparing"], 70),
             ("identify --machine tufting", ["judging", "fitting", "seeking events", "weighing"], 90),
         ),
@@ -85,6 +85,7 @@ def test_a_recording_of_seconds_is_shown_stage_by_stage(
     assert "%|" not in said and said
 
 
+@pytest.mark.campaign
 @pytest.mark.slow
 def test_monitor_counts_the_samples_of_each_recording(recording: Path, tmp_path: Path) -> None:
     """Monitor recordings of 10 and 32 turns in one process and in two: the bar weights them by length."""
@@ -97,6 +98,7 @@ def test_monitor_counts_the_samples_of_each_recording(recording: Path, tmp_path:
         assert {25, 75} & set(shares), shares
 
 
+@pytest.mark.campaign
 @pytest.mark.slow
 def test_import_shows_progress_and_asks_beside_its_bar(tmp_path: Path) -> None:
     log = tmp_path / "log.csv"

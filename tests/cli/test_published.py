@@ -71,6 +71,7 @@ def test_the_page_carries_what_is_computed(capsys: pytest.CaptureFixture[str]) -
     assert capsys.readouterr().out.strip() == block
 
 
+@pytest.mark.campaign
 @pytest.mark.slow
 def test_figures_and_a_progress_bar_on_a_terminal(tmp_path: Path) -> None:
     folder = tmp_path / "new" / "figures"

@@ -53,6 +53,7 @@ def kill_a_busy_worker(cluster: Any, killed: list[int]) -> None:
             time.sleep(0.01)
 
 
+@pytest.mark.campaign
 @pytest.mark.slow
 def test_compare_gives_one_table_wherever_it_runs_though_a_worker_is_killed(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -13,6 +13,7 @@ import pytest
 
 pytest.importorskip("rclpy")
 
+from tests.campaign import more
 from tests.docs.pages import PAGES, Block, blocks
 from tests.docs.workshop import furnish, run
 from tests.ros.suite import free_domain
@@ -21,8 +22,10 @@ RUN = ("bash", "python")
 Said = list[tuple[Block, str]]
 
 
-def pages_with_code() -> list[Path]:
-    return [page for page in PAGES if any(block.language in RUN for block in blocks(page))]
+WITH_CODE = [page for page in PAGES if any(block.language in RUN for block in blocks(page))]
+TUTORIALS = [page for page in WITH_CODE if page.parent.name == "tutorials"]
+FIRST = [Path("README.md"), *TUTORIALS]
+"""What a new user reads; the other pages run with --all."""
 
 
 def run_page(page: Path, folder: Path) -> Said:
@@ -51,7 +54,7 @@ def running(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", pages_with_code(), ids=str)
+@pytest.mark.parametrize("page", [*FIRST, *more(*sorted({*WITH_CODE} - {*FIRST}))], ids=str)
 def test_a_page_runs(page: Path, running: dict[Path, Future[Said]]) -> None:
     said = running[page].result()
     assert said or all("not run" in block.marks for block in blocks(page) if block.language in RUN)
@@ -89,7 +92,7 @@ def shown(page: Path) -> list[tuple[Block, Block]]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", [page for page in pages_with_code() if page.parent.name == "tutorials"], ids=str)
+@pytest.mark.parametrize("page", TUTORIALS, ids=str)
 def test_a_tutorial_shows_what_its_commands_print(page: Path, running: dict[Path, Future[Said]]) -> None:
     """Compare line by line: the first column, and the first number behind it within a tenth."""
     number = re.compile(r"[+-]?\d+(?:\.\d+)?(?:e[+-]\d+)?")

@@ -15,6 +15,7 @@ from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.select import Select
 
 import textile_twin_core as ttc
+from tests.campaign import more
 from tests.explore.browser import CHROMIUM, DRIVER, Page, served
 from tests.explore.soak import soak
 
@@ -207,7 +208,7 @@ return {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("width", [1400, 390])
+@pytest.mark.parametrize("width", [390, *more(1400)])
 def test_a_machine_of_one_s_own_is_laid_out_on_any_screen(width: int, tmp_path: Path) -> None:
     """Show a rocker arm with an almost constant reduced inertia, at a speed that is not a round number of rpm."""
     pump = (Path(__file__).resolve().parents[2] / "examples" / "beam_pump.yaml").read_text()
@@ -254,7 +255,7 @@ def test_two_tabs_hold_two_designs(page: Page, address: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["tufting", "handloom_beatup", "needle_transfer", "elliptic_gear_beatup"])
+@pytest.mark.parametrize("name", ["tufting", *more("handloom_beatup", "needle_transfer", "elliptic_gear_beatup")])
 def test_every_machine_moves_and_fits_a_phone(page: Page, name: str) -> None:
     if name != "elliptic_gear_beatup":
         # the loops of the needle transfer may have to be compiled first

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from tests.campaign import more
 from textile_twin_core import machines
 from textile_twin_core.errors import SceneError
 from textile_twin_core.explore.analysis import analyse
@@ -32,7 +33,7 @@ LIMITS = (
 POOR = {"axis_ratio": 0.95, "crank_m": 0.035, "coupler_m": 0.115, "past_largest_ratio_rad": math.radians(20.0)}
 
 
-@pytest.mark.parametrize("seed", [3, 11])
+@pytest.mark.parametrize("seed", [3, *more(11)])
 def test_poor_start_leads_beyond_the_paper_s_loom(seed: int) -> None:
     paper = analyse(Design.of(machines.elliptic_gear_beatup())).numbers
     start = Design.of(machines.elliptic_gear_beatup(**POOR))

@@ -411,6 +411,7 @@ def test_what_is_not_compiled_yet_is_waited_for_and_all_else_goes_on(monkeypatch
     assert any(n["name"] == "impacts" for n in head["analysis"]["numbers"])
 
 
+@pytest.mark.campaign
 @pytest.mark.slow
 def test_many_changes_leave_nothing_behind(loom: PageSession) -> None:
     def changed(times: int) -> int:

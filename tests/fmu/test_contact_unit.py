@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import textile_twin_core as ttc
+from tests.campaign import more
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.fmu import write_fmu
 from textile_twin_core.machine import ContactMachine
@@ -49,7 +50,7 @@ def worst(found: Any, true: dict[str, FloatArray]) -> dict[str, float]:
     return {name: float(np.abs(found[name] - x).max() / max(np.abs(x).max(), 1e-9)) for name, x in true.items()}
 
 
-@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("fmi", [3, *more(2)])
 def test_the_needle_transfer_is_the_twin_through_its_impacts(fmi: Literal[2, 3], tmp_path: Path) -> None:
     """Every output over three turns at two speeds, and while it runs up: to 1e-9 of its peak, at impacts too."""
     machine, path = ttc.machines.needle_transfer(), tmp_path / "needle.fmu"
@@ -115,7 +116,7 @@ def test_a_body_beyond_its_stop_ends_the_step_with_an_error(tmp_path: Path) -> N
         simulated(path, 1e-3, standing, standing, standing, parameters={"start_m.element_2": 0.08})
 
 
-@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("fmi", [2, *more(3)])
 def test_its_state_is_saved_between_bounces_and_no_python_is_linked(fmi: Literal[2, 3], tmp_path: Path) -> None:
     path, folder = tmp_path / "needle.fmu", tmp_path / "unit"
     write_fmu(path, ttc.machines.needle_transfer(), fmi=fmi)

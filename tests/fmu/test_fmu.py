@@ -18,6 +18,7 @@ import pytest
 
 import textile_twin_core as ttc
 from tests.benchmarks.fmu_steps import LOOM_MASSES, TORQUES
+from tests.campaign import more
 from textile_twin_core.cli.main import main
 from textile_twin_core.dynamics import Body
 from textile_twin_core.dynamics.loads import ForceCurve
@@ -37,6 +38,8 @@ pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C co
 Fmi = Literal[2, 3]
 Input = Literal["angle", "torque"]
 KINDS = ("CoSimulation", "ModelExchange")
+UNITS = [("tufting", 2), ("six_bar_loom", 3)]
+OTHERS = more(*sorted({(name, fmi) for name in TORQUES for fmi in (2, 3)} - {*UNITS}))
 
 
 @cache
@@ -91,8 +94,7 @@ def got(instance: Any, references: list[int]) -> list[float]:
     return list((instance.getReal if hasattr(instance, "getReal") else instance.getFloat64)(references))
 
 
-@pytest.mark.parametrize("fmi", [2, 3])
-@pytest.mark.parametrize("name", TORQUES)
+@pytest.mark.parametrize(("name", "fmi"), [*UNITS, *OTHERS])
 def test_a_unit_driven_by_the_shafts_motion_is_the_twin(name: str, fmi: Fmi, units: Any) -> None:
     """Outputs at 200 states, to 1e-9 of their peak, with the parameters as given and with others."""
     machine = machine_named(name)
@@ -163,8 +165,7 @@ def with_numbers(name: str, values: dict[str, float]) -> Machine:
         return ttc.load_machine(path)
 
 
-@pytest.mark.parametrize("fmi", [2, 3])
-@pytest.mark.parametrize("name", TORQUES)
+@pytest.mark.parametrize(("name", "fmi"), [*UNITS, *OTHERS])
 def test_a_unit_driven_by_a_torque_moves_as_drive_does(name: str, fmi: Fmi, units: Any) -> None:
     """Angle and speed over 0.25 s: co-simulation to 1e-9, model exchange by CVode to 1e-6, as its tolerance allows."""
     machine = machine_named(name)
@@ -252,11 +253,11 @@ def test_a_force_over_the_depth_is_that_of_the_twin_and_of_drive(tmp_path: Path)
     ("name", "input", "fmi", "outputs"),
     [
         ("tufting", "torque", 2, ["omega_rad_s", "balancing_torque_Nm"]),
-        ("tufting", "torque", 3, ["omega_rad_s", "balancing_torque_Nm"]),
         ("tufting", "angle", 2, ["balancing_torque_Nm"]),
         ("wide", "torque", 2, ["balancing_torque_Nm"]),
         ("wide", "angle", 3, ["balancing_torque_Nm"]),
         ("needle_transfer", "angle", 2, ["element_3_position_m", "element_3_velocity_m_s"]),
+        *more(("tufting", "torque", 3, ["omega_rad_s", "balancing_torque_Nm"])),
     ],
 )
 def test_a_start_in_unix_time_gives_the_motion_of_a_start_at_zero(
@@ -348,7 +349,7 @@ def test_two_units_are_linked_and_run_in_one_program(tmp_path: Path) -> None:
         assert abs(theta - run.theta_rad[-1]) < 1e-8 and abs(omega - run.omega_rad_s[-1]) < 2e-7
 
 
-@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("fmi", [3, *more(2)])
 def test_the_state_is_saved_restored_and_serialised(fmi: Fmi, units: Any) -> None:
     path, _ = units("handloom_beatup", "torque", fmi)
     with opened(path, "CoSimulation") as (instance, reference):
@@ -371,7 +372,8 @@ def test_the_state_is_saved_restored_and_serialised(fmi: Fmi, units: Any) -> Non
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "output", "fmi"), [("tufting", "balancing_torque_Nm", 2), ("needle_transfer", "element_3_position_m", 3)]
+    ("name", "output", "fmi"),
+    [("tufting", "balancing_torque_Nm", 2), *more(("needle_transfer", "element_3_position_m", 3))],
 )
 def test_fmpy_compiles_the_sources_and_the_library_names_no_python(
     name: str, output: str, fmi: Fmi, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -145,6 +145,7 @@ def test_an_independent_reader_counts_the_same(chain: Chain) -> None:
         assert counts[f"/{topic}"] == len(chain.stamps) - 2
 
 
+@pytest.mark.campaign
 @pytest.mark.slow
 def test_fixed_lag_gives_every_sample_too(suite: Suite) -> None:
     stamps, angles = shaft_angles(600)

@@ -199,6 +199,7 @@ def test_torques_that_do_not_serve_are_reported(suite: Suite, name: str) -> None
         feeder.close()
 
 
+@pytest.mark.campaign
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("hours", "words"), [(1, "3600.0 s ahead of the angle's"), *more((-1, "3600.0 s behind the angle's"))]

@@ -99,6 +99,7 @@ def test_edges_that_cannot_be_counted_are_reported_at_the_start(suite: Suite) ->
     assert "Traceback" not in program.words()
 
 
+@pytest.mark.campaign
 @pytest.mark.slow
 def test_a_simulated_wheel(suite: Suite) -> None:
     node = suite.node()

@@ -109,6 +109,7 @@ def test_a_twin_ends_while_it_compiles(suite: Suite) -> None:
     assert "predicting from" not in twin.words() and not ALARM.search(twin.words()), twin.words()
 
 
+OPCUA = "url:=opc.tcp://127.0.0.1:1"
 MISTAKES = [
     ("twin_node", ["machine:=tuffting"], ["no machine 'tuffting'", "tufting"]),
     ("twin_node", ["machine:=nowhere.yaml"], ["nowhere.yaml"]),
@@ -137,6 +138,10 @@ MISTAKES = [
     ),
     ("record_node", ["bag:={bag}2", "topics:=[main-shaft]"], ["topics", "'main-shaft'", "alphanumerics"]),
     ("record_node", ["bag:={bag}2", "stop_after:=[1st=3]"], ["stop_after", "'1st'", "number"]),
+    ("opcua_node", ["angle:='ns=2;s=Angle'"], ["give the server's address"]),
+    ("opcua_node", [OPCUA], ["'angle' is not set"]),
+    ("opcua_node", [OPCUA, "angle:=loom", "allow_insecure:=true"], ["'angle' is 'loom': write a node id"]),
+    ("opcua_node", [OPCUA, "angle:=i=1"], ["neither encrypted nor signed: make them with textile-twin opcua"]),
     ("plc_node", ["host:=10.0.0.5", "sequence:=4:float32"], ["sequence", "4:float32", "whole"]),
     ("shaft_node", ["machine:=loom"], ["no machine 'loom'"]),
     ("shaft_node", ["encoder_bits:=2.5"], ["encoder_bits", "whole number"]),

@@ -134,6 +134,7 @@ def check(book: FaultBook, faults: int) -> list[tuple[int, int]]:
     return angles
 
 
+@pytest.mark.campaign
 @pytest.mark.slow
 def test_kills_lose_no_fault_and_double_none(suite: Suite) -> None:
     """Each node is killed once; twenty kills take minutes: tests/benchmarks/field.py fault-book."""

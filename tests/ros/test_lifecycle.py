@@ -61,6 +61,7 @@ def test_configure_activate_deactivate_cleanup(suite: Suite) -> None:
     assert twin.wait() == 0, twin.words()
 
 
+@pytest.mark.campaign
 @pytest.mark.slow
 @pytest.mark.parametrize("executor", [EXECUTORS[0], *more(*EXECUTORS[1:])])
 def test_ten_cycles_under_load(suite: Suite, executor: str) -> None:
@@ -104,7 +105,7 @@ def test_ten_cycles_under_load(suite: Suite, executor: str) -> None:
     assert not re.search("Traceback|Exception|FATAL", twin.words()), twin.words()
 
 
-@pytest.mark.parametrize("executor", EXECUTORS)
+@pytest.mark.parametrize("executor", [EXECUTORS[0], *more(*EXECUTORS[1:])])
 def test_transitions_that_a_state_does_not_have_are_refused(suite: Suite, executor: str) -> None:
     twin = suite.start("twin_node", f"executor:={executor}")
     node = suite.node()

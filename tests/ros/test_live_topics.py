@@ -227,6 +227,7 @@ def test_outputs_without_a_listener_are_not_computed(suite: Suite) -> None:
     suite.spin_until(lambda: states[-1] == "computing needle/position", "diagnostics of one subscriber")
 
 
+@pytest.mark.campaign
 @pytest.mark.slow
 def test_every_machine_has_its_topics(suite: Suite) -> None:
     tools = {"tufting": "needle", "handloom_beatup": "beater", "elliptic_gear_beatup": "sley", "needle_transfer": ""}

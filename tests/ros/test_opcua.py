@@ -19,6 +19,7 @@ from asyncua import Client, Server, ua
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 
+from tests.campaign import more
 from tests.ros.bridged import Bridged
 from tests.ros.suite import PATIENCE_S, RELIABLE, SECOND_NS, Suite
 from tests.ros.test_live_topics import stamp_of
@@ -186,24 +187,7 @@ def test_a_machine_behind_an_opc_ua_server(suite: Suite, plc: Plc) -> None:
     assert "Traceback" not in bridge.words() and bridge.end() == 0
 
 
-@pytest.mark.parametrize(
-    ("words", "text"),
-    [
-        (["angle:='ns=2;s=Angle'"], "give the server's address"),
-        (["url:=opc.tcp://127.0.0.1:1"], "'angle' is not set"),
-        (["url:=opc.tcp://127.0.0.1:1", "angle:=loom", "allow_insecure:=true"], "'angle' is 'loom': write a node id"),
-        (
-            ["url:=opc.tcp://127.0.0.1:1", "angle:=i=1"],
-            "neither encrypted nor signed: make them with textile-twin opcua",
-        ),
-    ],
-)
-def test_what_is_missing_is_reported(suite: Suite, words: list[str], text: str) -> None:
-    program = suite.start("opcua_node", *words)
-    assert program.wait() == 2
-    assert text in program.words() and "Traceback" not in program.words()
-
-
+@pytest.mark.campaign
 @pytest.mark.slow
 def test_a_variable_that_is_not_there(suite: Suite, plc: Plc) -> None:
     program = suite.start(
@@ -213,6 +197,7 @@ def test_a_variable_that_is_not_there(suite: Suite, plc: Plc) -> None:
     assert program.end() == 0
 
 
+@pytest.mark.campaign
 @pytest.mark.slow
 def test_a_server_that_refuses_predictions_gives_angles_all_the_same(suite: Suite, plc: Plc) -> None:
     """Clients cannot write the server's own level of service."""
@@ -253,7 +238,10 @@ def test_a_server_that_refuses_predictions_gives_angles_all_the_same(suite: Suit
 
 @pytest.mark.parametrize(
     ("name", "number", "stored"),
-    [("Short", 12.7, 13), ("Short", -1e9, -32_768), ("Byte", -3.0, 0), ("Predicted", 1e300, np.finfo(np.float32).max)],
+    [
+        ("Short", -1e9, -32_768),
+        *more(("Short", 12.7, 13), ("Byte", -3.0, 0), ("Predicted", 1e300, np.finfo(np.float32).max)),
+    ],
 )
 def test_a_prediction_goes_into_a_variable_of_any_type(plc: Plc, name: str, number: float, stored: float) -> None:
     async def write() -> Any:

@@ -159,6 +159,7 @@ def test_no_session_comes_around_the_certificate(keys: Keys, secured: str) -> No
         asyncio.run(connect())
 
 
+@pytest.mark.campaign
 def test_a_bench_without_security(keys: Keys) -> None:
     async def read(url: str) -> float:
         async with Client(url, timeout=20.0) as client:

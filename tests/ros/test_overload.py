@@ -58,6 +58,7 @@ def starved(program: Program) -> AbstractContextManager[None]:
     return meanwhile(starve)
 
 
+@pytest.mark.campaign
 @pytest.mark.slow
 def test_a_twin_that_falls_behind_says_so_and_ends(suite: Suite) -> None:
     twin = suite.start("twin_node", f"rate_hz:={RATE_HZ}")

@@ -34,6 +34,7 @@ def allowed(root: ElementTree.Element, node: str, kind: str, right: str) -> set[
     return {places.get(name[0], f"{SPACE}/") + name.lstrip("~") for name in names}
 
 
+@pytest.mark.campaign
 @pytest.mark.slow
 def test_the_policy_allows_what_the_nodes_do_and_no_more(suite: Suite) -> None:
     made = printed("loom_3")

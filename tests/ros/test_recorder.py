@@ -218,6 +218,7 @@ def test_repetition_goes_on_in_time(suite: Suite) -> None:
     assert stamps[0] <= clocks[0] and clocks[-1] > stamps[-1]
 
 
+@pytest.mark.campaign
 @pytest.mark.slow
 def test_recorders_side_by_side_keep_their_own_machine_each(suite: Suite) -> None:
     """Three that start in the same moment in the same folder, two of them without a namespace of its own."""

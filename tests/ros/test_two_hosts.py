@@ -87,6 +87,7 @@ def hosts(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[tuple[Host
             host.close()
 
 
+@pytest.mark.campaign
 @pytest.mark.slow
 @pytest.mark.parametrize("hosts", [True, False], indirect=True, ids=["multicast", "static peers"])
 def test_encoder_and_twin_on_two_computers(

@@ -101,6 +101,7 @@ def test_a_full_disk_is_one_line_and_an_exit_code(suite: Suite) -> None:
     assert "ERROR" not in view.words() and "Traceback" not in view.words()
 
 
+@pytest.mark.campaign
 @pytest.mark.slow
 def test_a_torque_sensor_that_is_not_there_is_no_alarm(suite: Suite) -> None:
     view = suite.start("view_node", f"file:={suite.folder / 'live.rrd'}", "port:=0", "no_data_timeout_s:=0.5")

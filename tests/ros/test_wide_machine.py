@@ -128,6 +128,7 @@ def test_a_second_encoder_corrects_the_twist_as_offline(suite: Suite) -> None:
     np.testing.assert_allclose([message.data for message in heard], offline["twist_rad"], rtol=0.0, atol=1e-9)
 
 
+@pytest.mark.campaign
 def test_the_live_view_draws_every_linkage(suite: Suite) -> None:
     rerun_chunk = pytest.importorskip("rerun.chunk")
     file, drawing = suite.folder / "narrow.yaml", suite.folder / "live.rrd"

@@ -86,6 +86,7 @@ def test_search_works_from_the_disk(site: Path, browser: Page) -> None:
     assert browser.complaints == []
 
 
+@pytest.mark.campaign
 def test_pages_fit_a_phone(site: Path, browser: Page) -> None:
     """Pages are as wide as the screen; wide tables and code scroll by themselves."""
     browser.as_phone(*PHONE)

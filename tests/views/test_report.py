@@ -41,6 +41,7 @@ def test_the_report_holds_verdict_numbers_and_pictures_and_nothing_from_outside(
     assert not re.search(r'(src|href)="(?!data:)', page)
 
 
+@pytest.mark.campaign
 def test_a_report_of_a_recording_too_short_to_judge_has_no_sensor_estimate(tmp_path: Path) -> None:
     """Check a recording of less than a turn, which supports neither a verdict nor an estimate of the gain."""
     twin, time = ttc.compile(ttc.machines.tufting(), ["balancing_torque_Nm"]), np.arange(400) / 500.0
