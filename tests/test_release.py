@@ -43,7 +43,7 @@ def wheel(source: Path, out: Path) -> Path:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("package", ["core", "ros"])
+@pytest.mark.parametrize("package", ["core", pytest.param("ros", marks=pytest.mark.campaign)])
 def test_a_wheel_is_valid_reproducible_and_installs(package: str, tmp_path: Path) -> None:
     made = []
     for number in range(2):
