@@ -27,9 +27,12 @@ OUTSIDE = {
 }
 """Pages outside docs/, by their path in the repository, and their place on the site."""
 COMMAND_LINE = "<!-- command line -->"
+PYTHON = "reference/python.md"
+"""Page whose entries are headed by the path to import them from."""
 
 _INSIDE = {place: path for path, place in OUTSIDE.items()}
 _LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^)\s]+)\)")
+_REFERENCE = re.compile(r"^::: (\S+)\n", re.M)
 _FENCE = re.compile(r"^( *)```.*?^\1```$", re.M | re.S)
 
 
@@ -47,6 +50,8 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
         markdown = markdown.replace(COMMAND_LINE, command_line())
     if place in OUTSIDE.values():  # GitHub indents what belongs to a numbered item by three, Python-Markdown by four
         markdown = re.sub(r"^ {3}(?=\S)|^ {3}$", "    ", markdown, flags=re.M)
+    if page.file.src_uri == PYTHON:
+        markdown = _REFERENCE.sub(with_import_path, markdown)
     markdown = markdown.replace("<details>", '<details markdown="1">')
     code = [match.span() for match in _FENCE.finditer(markdown)]
     return _LINK.sub(
@@ -61,7 +66,7 @@ def relinked(link: re.Match[str], place: str) -> str:
         link: match of `![text](target)`.
         place: path of the page on the site.
 
-    Example:
+    Examples:
         >>> relinked(_LINK.match("[papers](docs/papers.md#looms)"), "overview.md")
         '[papers](papers.md#looms)'
     """
@@ -79,6 +84,34 @@ def relinked(link: re.Match[str], place: str) -> str:
         return f"{text} (`{there}`)" if (ROOT / there).exists() else link[0]
     goal = os.path.relpath(goal, PurePosixPath(place).parent)
     return f"{picture}[{text}]({goal}{'#' * bool(anchor)}{anchor})"
+
+
+def with_import_path(entry: re.Match[str]) -> str:
+    """Head an entry of the Python reference by the path to import it from."""
+    path = import_path(entry[1])
+    name = path.rpartition(".")[2]
+    return f"::: {entry[1]}\n    options: {{heading: {path}, toc_label: {name}}}\n"
+
+
+def import_path(place: str) -> str:
+    """Return the shortest path from which a name can be imported.
+
+    Args:
+        place: dotted path of the module that defines it, and its name.
+
+    Examples:
+        >>> import_path("textile_twin_core.twin.compilation.compile_machine")
+        'textile_twin_core.compile'
+    """
+    module, _, name = place.rpartition(".")
+    parts = module.split(".")
+    found = getattr(import_module(module), name)
+    for length in range(1, len(parts)):
+        package = import_module(".".join(parts[:length]))
+        for public in getattr(package, "__all__", ()):
+            if getattr(package, public) is found:
+                return f"{package.__name__}.{public}"
+    return place
 
 
 def command_line() -> str:

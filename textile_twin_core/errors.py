@@ -1,6 +1,6 @@
 """Errors that a user can correct; each message is one line that says what is wrong, where, and what to do.
 
-Example:
+Examples:
     >>> import textile_twin_core as ttc
     >>> try:
     ...     ttc.compile(ttc.machines.tufting(), outputs=["torque"])
@@ -13,7 +13,16 @@ from __future__ import annotations
 
 
 class TwinError(Exception):
-    """Base class of the errors that a user can correct; the command line prints them and exits with code 2."""
+    """Base class of the errors that a user can correct; the command line prints them and exits with code 2.
+
+    Examples:
+        >>> import textile_twin_core as ttc
+        >>> try:
+        ...     ttc.load_machine("no_such_file.yaml")
+        ... except ttc.TwinError as error:
+        ...     print(type(error).__name__)
+        MachineError
+    """
 
 
 class MachineError(TwinError):
@@ -60,7 +69,7 @@ _PACKAGES = {"rerun": "rerun-sdk", "nptdms": "npTDMS", "dask": "distributed"}
 def how_to_install(module: str, *more: str) -> str:
     """Word the installation hint for a missing module: its package, and the extra in a checkout with `more` extras.
 
-    Example:
+    Examples:
         >>> how_to_install("pyarrow.csv")
         "pip install pyarrow, or in a checkout pip install '.[files]'"
     """

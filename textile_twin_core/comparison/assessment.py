@@ -67,6 +67,16 @@ class Assessment:
             nothing, with the reason in `notes`.
         verdict: causes of the differences, likeliest first; empty when all is right.
         quantities: estimated quantities, each once. notes: remarks for the reader.
+
+    Examples:
+        >>> import textile_twin_core as ttc
+        >>> from textile_twin_core.comparison import Readings, assess
+        >>> from textile_twin_core.recordings import open_bag
+        >>> bag = open_bag("bags/tufting_160rpm_synthetic")
+        >>> angle, torque = bag.read_angles(), bag.read_torques("balancing_torque/measured")
+        >>> readings = Readings(angle.stamps, angle.angles_rad, torque.stamps, torque.torque_Nm)
+        >>> assess(readings, ttc.machines.tufting()).unit.name  # doctest: +SKIP
+        'radians'
     """
 
     unit: AngleUnit
@@ -164,8 +174,26 @@ class Judged:
 def assess(readings: Readings, machine: Machine, track: ShaftTrack | None = None) -> Assessment:
     """Assess a recording by the hypotheses of its sensors and machine.
 
-    `track` is the shaft's motion if it was estimated before, from angles in radians and the first angle's stamp on.
-    Raises RecordingError when there are too few samples to estimate the motion of the shaft.
+    Args:
+        readings: the recording.
+        machine: the machine as configured.
+        track: the shaft's motion if it was estimated before, from angles in radians and the first angle's stamp on.
+
+    Returns:
+        The verdict, with the estimates behind it.
+
+    Raises:
+        RecordingError: too few samples to estimate the motion of the shaft.
+
+    Examples:
+        >>> import textile_twin_core as ttc
+        >>> from textile_twin_core.comparison import Readings, assess
+        >>> from textile_twin_core.recordings import open_bag
+        >>> bag = open_bag("bags/tufting_160rpm_synthetic")
+        >>> angle, torque = bag.read_angles(), bag.read_torques("balancing_torque/measured")
+        >>> readings = Readings(angle.stamps, angle.angles_rad, torque.stamps, torque.torque_Nm)
+        >>> assess(readings, ttc.machines.tufting()).verdict[0].cause  # doctest: +SKIP
+        'delay'
     """
     judged = _assess(readings, machine, track)
     judged = replace(judged, verdict=burst_verdict(readings.stamped, judged.verdict))

@@ -54,6 +54,16 @@ class Calibration:
         rms_before_Nm, rms_after_Nm: RMS residual while the shaft turns, with configured and estimated sensors.
         rms_beside_Nm: RMS residual without the friction, loads and drift that are not written to the file.
         assessment: the verdict on the configured sensors. machine: the machine with the estimated sensors.
+
+    Examples:
+        >>> import textile_twin_core as ttc
+        >>> from textile_twin_core.comparison import Readings, calibrate
+        >>> from textile_twin_core.recordings import open_bag
+        >>> bag = open_bag("bags/tufting_160rpm_synthetic")
+        >>> angle, torque = bag.read_angles(), bag.read_torques("balancing_torque/measured")
+        >>> readings = Readings(angle.stamps, angle.angles_rad, torque.stamps, torque.torque_Nm)
+        >>> calibrate(readings, ttc.machines.tufting()).delay_s.value  # [s]  # doctest: +SKIP
+        0.00202
     """
 
     angle_unit: str
@@ -107,10 +117,28 @@ def calibrate(readings: Readings, machine: Machine, begin: Begin = unheard) -> C
     """Estimate direction, ratio and zero of the encoder, and sign, unit, gain, offset and delay of the torque sensor.
 
     Values, standard deviations and intervals allow for the tolerances of the file (see `Settled`).
-    `begin` is called at each stage.
 
-    Raises RecordingError when the recording determines nothing, is of another machine, or a reversal it asks for
-    does not explain more.
+    Args:
+        readings: the recording.
+        machine: the machine as configured.
+        begin: called at each stage.
+
+    Returns:
+        The estimates, and the machine with them.
+
+    Raises:
+        RecordingError: the recording determines nothing, is of another machine, or a reversal it asks for does not
+            explain more.
+
+    Examples:
+        >>> import textile_twin_core as ttc
+        >>> from textile_twin_core.comparison import Readings, calibrate
+        >>> from textile_twin_core.recordings import open_bag
+        >>> bag = open_bag("bags/tufting_160rpm_synthetic")
+        >>> angle, torque = bag.read_angles(), bag.read_torques("balancing_torque/measured")
+        >>> readings = Readings(angle.stamps, angle.angles_rad, torque.stamps, torque.torque_Nm)
+        >>> calibrate(readings, ttc.machines.tufting()).direction  # doctest: +SKIP
+        1
     """
     begin("judging", _JUDGED)
     assessment = assess(readings, machine)

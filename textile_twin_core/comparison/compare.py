@@ -55,11 +55,23 @@ def compare_torque(
         torque_sensor: the sensor as configured; without one gain 1, offset 0, delay 0.
         events: events of the turn, in angle of theta_rad.
         settled: (n,) true where the shaft estimator had converged; by default everywhere.
-        predicted_sigma_Nm: (n,) standard deviation of the predictions, for the views.
+        predicted_sigma_Nm: (n,) standard deviation of the predictions [N m], for the views.
         rejected: samples that were rejected before prediction, by cause; they join the count.
 
     Raises:
         AlignmentError: shapes differ, stamps are no integers, too few samples, or no overlap in time.
+
+    Returns:
+        The comparison, without a verdict.
+
+    Examples:
+        >>> import numpy as np
+        >>> from textile_twin_core.comparison import compare_torque
+        >>> stamps = np.arange(5000) * 2_000_000  # [ns]
+        >>> theta = 16.76 * stamps * 1e-9  # [rad]
+        >>> found = compare_torque(stamps, np.sin(theta) + 0.1, stamps, np.sin(theta), theta)  # [N m]
+        >>> round(found.errors.bias_Nm, 3)  # [N m]
+        0.1
     """
     predictions = usable_predictions(predicted_stamps_ns, predicted_Nm, theta_rad, predicted_sigma_Nm, settled)
     measured_ns, measured, causes = usable_measurements(measured_stamps_ns, measured_Nm)

@@ -65,6 +65,16 @@ class Identification:
         rms_before_Nm, rms_after_Nm: residual of the machine as configured, and with all estimates.
         unmodelled: residual torque by shaft angle, with its band. machine: the machine with all estimates.
         notes: remarks on the recording (gaps), and reasons why parameters are not identifiable.
+
+    Examples:
+        >>> import textile_twin_core as ttc
+        >>> from textile_twin_core.comparison import Readings, identify
+        >>> from textile_twin_core.recordings import open_bag
+        >>> bag = open_bag("bags/tufting_160rpm_synthetic")
+        >>> angle, torque = bag.read_angles(), bag.read_torques("balancing_torque/measured")
+        >>> readings = Readings(angle.stamps, angle.angles_rad, torque.stamps, torque.torque_Nm)
+        >>> identify(readings, ttc.machines.tufting()).not_identifiable  # doctest: +SKIP
+        ()
     """
 
     parameters: Mapping[str, Estimate]
@@ -97,10 +107,29 @@ def identify(readings: Readings, machine: Machine, begin: Begin = unheard) -> Id
     """Fit the parameters that the record determines; all other numbers are as in the machine file.
 
     Effects are checked before the fit (see `identifiable`); then all are fitted together to every sample, with
-    intervals that hold under model error (see `instrumented_fit`). `begin` is called at each stage.
+    intervals that hold under model error (see `instrumented_fit`).
 
-    Raises RecordingError when the recording determines nothing, is of another machine, or a sensor's discrete setting
-    (direction, ratio, unit, sign) is wrong, which `calibrate` corrects.
+    Args:
+        readings: the recording.
+        machine: the machine as configured.
+        begin: called at each stage.
+
+    Returns:
+        The estimates with their intervals, and the machine with them.
+
+    Raises:
+        RecordingError: the recording determines nothing, is of another machine, or a sensor's discrete setting
+            (direction, ratio, unit, sign) is wrong, which `calibrate` corrects.
+
+    Examples:
+        >>> import textile_twin_core as ttc
+        >>> from textile_twin_core.comparison import Readings, identify
+        >>> from textile_twin_core.recordings import open_bag
+        >>> bag = open_bag("bags/tufting_160rpm_synthetic")
+        >>> angle, torque = bag.read_angles(), bag.read_torques("balancing_torque/measured")
+        >>> readings = Readings(angle.stamps, angle.angles_rad, torque.stamps, torque.torque_Nm)
+        >>> identify(readings, ttc.machines.tufting()).parameters["backing_force_N"].value  # [N]  # doctest: +SKIP
+        1003.0
     """
     begin("judging", _JUDGED)
     found, notes = _settled(readings, machine)

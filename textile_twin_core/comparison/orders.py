@@ -149,7 +149,7 @@ def order_map(
     Raises:
         RecordingError: the shaft does not make enough turns in one direction without a gap.
 
-    Example:
+    Examples:
         >>> time = np.arange(20_000) / 1000.0
         >>> theta = 2.0 * np.pi * (5.0 * time + 0.2 * time**2)
         >>> found = order_map(time, theta, 3.0 * np.cos(4.0 * theta), max_order=10.0)

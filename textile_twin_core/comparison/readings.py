@@ -41,11 +41,23 @@ class SecondAngle:
 
 @dataclass(frozen=True)
 class Readings:
-    """One recording: angles (n,) as logged and torque (m,) as logged, each with its stamps in ns.
+    """One recording: angles and torque as logged, each with its stamps.
 
-    velocities: (n,) speed as logged, None where there is none.
-    stamped: topics with stamps in bursts, whose times are reconstructed.
-    second: of the encoder at `second_encoder_at` of an elastic shaft; None without one.
+    Attributes:
+        angle_stamps_ns: (n,) stamps of the angles [ns].
+        angle: (n,) angles, in the unit of the log.
+        torque_stamps_ns: (m,) stamps of the torque [ns], on the same clock.
+        torque: (m,) torque, in the unit of the log.
+        velocities: (n,) speed as logged, None where there is none.
+        stamped: topics with stamps in bursts, whose times are reconstructed.
+        second: of the encoder at `second_encoder_at` of an elastic shaft; None without one.
+
+    Examples:
+        >>> import numpy as np
+        >>> from textile_twin_core.comparison import Readings
+        >>> stamps = np.arange(1000) * 2_000_000  # [ns]
+        >>> Readings(stamps, 0.03 * np.arange(1000.0), stamps, np.zeros(1000)).angle.size
+        1000
     """
 
     angle_stamps_ns: IntArray

@@ -53,7 +53,7 @@ class SampleCount:
 class Comparison:
     """Measured against predicted torque.
 
-    Sample by sample, m measured samples that had a usable stamp and value:
+    Sample by sample, m measured samples that had a usable stamp and value; then in numbers.
 
     Attributes:
         stamps_ns: (m,) stamps of the measured samples.
@@ -65,10 +65,6 @@ class Comparison:
         used: (m,) true for the samples that entered the numbers.
         predicted_stamps_ns, predicted_Nm, predicted_theta_rad, predicted_sigma_Nm: (n,) the usable predictions,
             the sigma nan where none was given.
-
-    In numbers:
-
-    Attributes:
         sensor_delay_s, sensor_gain, sensor_offset_Nm: the sensor as the machine configures it.
         fit: delay, gain and offset estimated from the data.
         errors: at the estimated delay. errors_configured: at the configured one.
@@ -80,6 +76,14 @@ class Comparison:
         verdict: faults of the recording or the machine file, likeliest first; empty without a fault.
         explained: share of the torque's variance that the corrected machine explains; nan without a verdict.
         quantities: estimates of sensors, friction and forces, each once; empty without a verdict.
+
+    Examples:
+        >>> import numpy as np
+        >>> from textile_twin_core.comparison import compare_torque
+        >>> stamps = np.arange(5000) * 2_000_000  # [ns]
+        >>> theta = 16.76 * stamps * 1e-9  # [rad]
+        >>> sorted(compare_torque(stamps, np.sin(theta), stamps, np.sin(theta), theta).to_json())[:2]
+        ['by_angle', 'by_order']
     """
 
     stamps_ns: IntArray

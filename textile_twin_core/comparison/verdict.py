@@ -66,6 +66,11 @@ class Cause:
         sigma: standard deviation of the value given the tolerances of all other numbers, nan without one.
         parameter: dotted path into the machine file, empty if the file has no such number.
         equivalents: paths of parameters that this record does not distinguish from it.
+
+    Examples:
+        >>> from textile_twin_core.comparison.verdict import Cause
+        >>> Cause("delay", "the torque lags by 2 ms", 0.002, 4e-5, "sensors.torque.delay_s").value  # [s]
+        0.002
     """
 
     cause: str

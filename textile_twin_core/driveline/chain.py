@@ -126,9 +126,23 @@ class ElasticShaft:
 
 
 def elastic_shaft(machine: Machine, tolerance: float = _TABLE_TOLERANCE) -> ElasticShaft:
-    """The elastic shaft of a machine, with tables of its linkages within `tolerance` of each function's peak.
+    """Build the elastic shaft of a machine, with tables of its linkages.
 
-    Raises MachineError for a machine without a shaft or without masses, and for a station without any inertia.
+    Args:
+        machine: a machine with a `shaft` and masses.
+        tolerance: error of a table over each function's peak.
+
+    Returns:
+        The shaft.
+
+    Raises:
+        MachineError: a machine without a shaft or without masses, or a station without any inertia.
+
+    Examples:
+        >>> import textile_twin_core as ttc
+        >>> from textile_twin_core.driveline.chain import elastic_shaft
+        >>> len(elastic_shaft(ttc.load_machine("examples/wide_tufting.yaml")).shaft.names)
+        17
     """
     shaft = machine.shaft
     if shaft is None:

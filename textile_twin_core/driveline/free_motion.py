@@ -72,7 +72,7 @@ def drive(
             that stands without twist.
         t: Rising times [s], or one number: a thousand steps from 0 to it.
         tolerance: Relative error of a step.
-        fastest_rad_s: Speed beyond which the motion is refused as one that runs away.
+        fastest_rad_s: Speed beyond which the motion is refused as one that runs away [rad/s].
         report: Called with the share of the time that is done.
 
     Returns:
@@ -81,6 +81,12 @@ def drive(
     Raises:
         MotionError: For a motion that cannot be followed, or a bad argument.
         MachineError: For a machine without masses, or a chain that cannot be.
+
+    Examples:
+        >>> import textile_twin_core as ttc
+        >>> run = ttc.drive(ttc.machines.tufting(), 0.0, theta0=1.0, omega0=16.76, t=0.5)  # coast-down
+        >>> bool(run.omega_rad_s[-1] < run.omega_rad_s[0])
+        True
     """
     shaft: MainShaft | None = getattr(machine, "shaft", None)
     if shaft is None:

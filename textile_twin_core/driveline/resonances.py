@@ -169,6 +169,15 @@ def find_resonances(elastic: ElasticShaft, speeds_rad_s: tuple[float, float]) ->
 
     Raises:
         MotionError: For a range that is empty or not positive.
+
+    Examples:
+        >>> import textile_twin_core as ttc
+        >>> from textile_twin_core.driveline.chain import elastic_shaft
+        >>> from textile_twin_core.driveline.resonances import find_resonances
+        >>> shaft = elastic_shaft(ttc.load_machine("examples/wide_tufting.yaml"))
+        >>> found = find_resonances(shaft, (10.0, 60.0))  # [rad/s]
+        >>> round(found.modes[0].undamped_Hz)  # [Hz]
+        112
     """
     slow, fast = speeds_rad_s
     if not 0.0 < slow < fast < math.inf:

@@ -13,12 +13,22 @@ from textile_twin_core.mechanism import MAIN_SHAFT
 class Body:
     """A rigid body on a link.
 
-    `centroid` is given as fractions of the link's length, along the link from its start and across it to the left.
-    `inertia_kgm2` is about the centroid; that of a point mass is 0. A counterweight on a crank is a point mass with a
-    negative fraction.
-
     A body on the main shaft itself (`on` "main_shaft") is a flywheel: balanced, with its weight carried by its own
-    bearings, and counted once for all linkages.
+    bearings, and counted once for all linkages. A counterweight on a crank is a point mass with a negative fraction.
+
+    Attributes:
+        on: name of the link, or "main_shaft".
+        mass_kg: mass [kg].
+        inertia_kgm2: moment of inertia about the centroid [kg m^2]; 0 for a point mass.
+        centroid: position as fractions of the link's length, along the link from its start and across it to the left.
+
+    Raises:
+        MachineError: for a negative mass or inertia.
+
+    Examples:
+        >>> from textile_twin_core.dynamics import Body
+        >>> Body("l3", 2.96, 0.0108, centroid=(0.5, 0.0)).mass_kg
+        2.96
     """
 
     on: str

@@ -24,11 +24,21 @@ class DriveResult:
     """Motion of the shaft at the requested times, (n,) arrays, and its energy account.
 
     Attributes:
-        alpha_rad_s2, drive_torque_Nm: acceleration and drive torque at the same instants.
-        drive_work_J: work of the drive since the first time.
-        load_work_J: work of each load by name; negative for friction.
+        time_s: times [s].
+        theta_rad, omega_rad_s, alpha_rad_s2: angle, speed and acceleration of the shaft [rad, rad/s, rad/s^2].
+        drive_torque_Nm: torque of the drive at the same instants [N m].
+        kinetic_energy_J, potential_energy_J: energies [J].
+        drive_work_J: work of the drive since the first time [J].
+        load_work_J: work of each load by name [J]; negative for friction.
+        events: starts, stops, and steps of loads.
         evaluations: number of evaluations of the equation of motion.
         steps: number of steps of the integrator.
+
+    Examples:
+        >>> import textile_twin_core as ttc
+        >>> run = ttc.drive(ttc.machines.tufting(), 20.0, theta0=0.3, omega0=0.0, t=0.2)  # [N m], [rad], [rad/s], [s]
+        >>> sorted(run.load_work_J)
+        ['backing']
     """
 
     time_s: FloatArray

@@ -31,7 +31,7 @@ class TorqueOverTime:
     Raises:
         MotionError: for a table that is too short or whose times do not increase.
 
-    Example:
+    Examples:
         >>> ramp = TorqueOverTime((0.0, 1.0), (0.0, 20.0))
         >>> ramp(0.5, theta=0.0, omega=0.0)
         10.0
@@ -80,7 +80,7 @@ class TorqueOverAngle:
         MachineError: for a table of fewer than three angles, angles that do not increase, or values that no series
             meets.
 
-    Example:
+    Examples:
         >>> import math
         >>> pull = TorqueOverAngle((0.0, math.pi / 2, math.pi, 3 * math.pi / 2), (12.0, 10.0, 8.0, 10.0))
         >>> round(pull(time=0.0, theta=math.pi / 2, omega=0.0), 9)

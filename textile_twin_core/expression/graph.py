@@ -24,6 +24,11 @@ class Expr:
         signed: whether the node is a sign, or a product with a sign among its factors.
         rank: key of the expression that is the same in every process; it orders arguments, which makes results
             reproducible to the last digit.
+
+    Examples:
+        >>> from textile_twin_core.expression import const, sqrt
+        >>> sqrt(const(9.0)).value
+        3.0
     """
 
     __slots__ = ("__weakref__", "args", "is_constant", "op", "payload", "rank", "signed")
@@ -130,7 +135,19 @@ def node(op: str, args: tuple[Expr, ...] = (), payload: object = None) -> Expr:
 
 
 def const(value: Number) -> Expr:
-    """Return a number as an expression; a symbolic number (see `real`) gives its own expression."""
+    """Return a number as an expression; a symbolic number (see `real`) gives its own expression.
+
+    Args:
+        value: the number.
+
+    Returns:
+        The constant.
+
+    Examples:
+        >>> from textile_twin_core.expression import const
+        >>> (const(2.0) * const(3.0)).value
+        6.0
+    """
     expr = getattr(value, "expr", None)
     if isinstance(expr, Expr):
         return expr

@@ -8,11 +8,44 @@ from typing import Any
 from textile_twin_core.expression import simplify
 from textile_twin_core.expression.graph import OPERATIONS, Expr, Number, Operation, make
 
-sin, cos, sqrt = partial(make, "sin"), partial(make, "cos"), partial(make, "sqrt")
+sin, cos = partial(make, "sin"), partial(make, "cos")
 square = partial(make, "square")
-absolute = partial(make, "abs")
 sign = partial(make, "sign")
 """Sign of an expression: 1, 0 or -1."""
+
+
+def sqrt(x: Expr | Number) -> Expr:
+    """Express the square root.
+
+    Args:
+        x: an expression or number that is not negative.
+
+    Returns:
+        The root.
+
+    Examples:
+        >>> from textile_twin_core.expression import const, sqrt
+        >>> sqrt(const(4.0)).value
+        2.0
+    """
+    return make("sqrt", x)
+
+
+def absolute(x: Expr | Number) -> Expr:
+    """Express the magnitude.
+
+    Args:
+        x: an expression or number.
+
+    Returns:
+        The magnitude.
+
+    Examples:
+        >>> from textile_twin_core.expression import absolute, const
+        >>> absolute(const(-4.0)).value
+        4.0
+    """
+    return make("abs", x)
 
 
 def atan2(y: Expr | Number, x: Expr | Number) -> Expr:

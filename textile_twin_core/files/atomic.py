@@ -83,7 +83,7 @@ def staged(path: str | Path) -> Iterator[Path]:
     Raises:
         OutputError: immediately, if the folder cannot be written.
 
-    Example:
+    Examples:
         >>> import pathlib, tempfile, textile_twin_core as ttc
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     with ttc.files.staged(pathlib.Path(folder, "report.txt")) as partial:

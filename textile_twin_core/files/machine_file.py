@@ -93,7 +93,7 @@ def load_machine_file(path: str | Path) -> AnyMachine:
     Raises:
         MachineError: with the file and the key, for a file that cannot be read or a declaration that is wrong.
 
-    Example:
+    Examples:
         >>> import pathlib, tempfile, textile_twin_core as ttc
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     file = pathlib.Path(folder, "mill.yaml")
@@ -352,7 +352,7 @@ def save_machine_file(machine: AnyMachine, path: str | Path) -> None:
         OutputError: for a place that cannot be written.
         MachineError: for a number that no machine file may have.
 
-    Example:
+    Examples:
         >>> import pathlib, tempfile, textile_twin_core as ttc
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     file = pathlib.Path(folder, "mill.yaml")

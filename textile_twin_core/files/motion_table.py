@@ -72,7 +72,7 @@ def read_motion_table(path: str | Path) -> MotionTable:
     Raises:
         MotionError: for a missing file or column, and with the line for a cell that is not a finite number.
 
-    Example:
+    Examples:
         >>> import pathlib, tempfile, textile_twin_core as ttc
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     file = pathlib.Path(folder, "motion.csv")
@@ -208,7 +208,7 @@ def write_table(
     Raises:
         OutputError: for another suffix, or a place that cannot be written.
 
-    Example:
+    Examples:
         >>> import pathlib, tempfile, numpy as np, textile_twin_core as ttc
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     file = pathlib.Path(folder, "torque.csv")

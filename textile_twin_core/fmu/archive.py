@@ -79,7 +79,7 @@ def write_fmu(
     Raises:
         SceneError: for an unknown output, a torque without masses, or a torque on a contact machine.
 
-    Example:
+    Examples:
         >>> import tempfile, textile_twin_core as ttc
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     write_fmu(f"{folder}/tufting.fmu", ttc.machines.tufting(), fmi=3).outputs[0]

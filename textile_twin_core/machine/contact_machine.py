@@ -98,17 +98,24 @@ class ContactMachine(Declared):
     """Bodies on a line, with springs, one-sided stops and pads between them, the frame and the driven element.
 
     Attributes:
+        name: name of the machine.
+        driven: element that the shaft moves, with its law of motion.
+        bodies: bodies that slide on the line.
+        springs, stops, pads: what acts between bodies, driven element and frame.
         start_m: positions of the bodies at shaft angle 0, at standstill [m]; 0 by default.
         axis: direction of the line in the machine's frame.
-        parameters, choices: numeric and textual parameters of a machine of the catalogue.
+        sensors: encoder and torque sensor.
         scene: default request; without outputs it asks for the motion of all elements.
+        nominal_speed_rad_s: shaft speed at which errors are judged [rad/s].
+        parameters, choices: numeric and textual parameters of a machine of the catalogue.
+        description: one line for lists.
 
     Raises:
         MachineError: for an unknown or repeated name, and for masses too light for their springs and dampers to be
             integrated.
         ContactError: for a start beyond a stop.
 
-    Example:
+    Examples:
         >>> import textile_twin_core as ttc
         >>> run = ttc.machines.needle_transfer().simulate()
         >>> run.positions.shape[0]  # two bodies, then the driven element

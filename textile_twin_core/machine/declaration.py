@@ -36,33 +36,7 @@ class Link(NamedTuple):
 
 @dataclass(frozen=True)
 class Declaration(Declared):
-    """A machine with one degree of freedom: ground points, groups, bodies, loads, measures and sensors.
-
-    Several equal linkages can be mounted on one shaft. Torque and energy are sums over the linkages; positions and
-    reactions are those of the first.
-
-    Attributes:
-        shaft: elastic main shaft with the linkages at its stations; None for a rigid shaft.
-        tolerances: relative standard deviations of numbers by dotted path, such as `bodies.l3.mass_kg`.
-        range_rad: range of the shaft angle over which the linkage must close.
-        angle_near_rad: angle per link [rad] that selects the turn of its printed angle.
-        nominal_speed_rad_s: shaft speed at which errors are judged [rad/s].
-        transmitted: output names of the torque that a link applies to an arm fixed to it, or a guide to its slider
-            about the slider's start.
-        joint_names: joint names by link, where they differ from the link's name.
-
-    Raises:
-        MachineError: with the shaft angle, if the linkage cannot close over `range_rad`.
-
-    Example:
-        >>> import textile_twin_core as ttc
-        >>> from textile_twin_core.mechanism import Crank, RRPDyad
-        >>> crank = Crank("crank", "O", "A", 0.05)
-        >>> rod = RRPDyad("rod", "slider", "A", "B", "C", (0.2, 0.1), (0.0, 0.0), (1.0, 0.0))
-        >>> machine = ttc.Machine("press", points={"O": (0.0, 0.0)}, groups=(crank, rod))
-        >>> machine.point_names
-        ('O', 'A', 'B', 'C')
-    """
+    """Declaration of a machine with one degree of freedom; see `Machine` for its fields."""
 
     name: str
     points: Mapping[str, tuple[float, float]]

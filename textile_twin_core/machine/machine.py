@@ -21,9 +21,46 @@ _TORQUES = ("balancing_torque_Nm", "torque_inertial_Nm", "torque_gravity_Nm", "t
 
 @dataclass(frozen=True)
 class Machine(Declaration):
-    """A linkage machine (see Declaration), with its outputs, events and robot description."""
+    """A machine with one degree of freedom: ground points, groups, bodies, loads, measures and sensors.
 
-    __doc__ = Declaration.__doc__
+    Several equal linkages can be mounted on one shaft. Torque and energy are sums over the linkages; positions and
+    reactions are those of the first.
+
+    Attributes:
+        name: name of the machine.
+        points: ground points by name [m].
+        groups: groups of the linkage, in the order in which they build on each other.
+        bodies: masses on links, and flywheels on the main shaft.
+        loads: what the machine works against.
+        measures: displacements that get a name.
+        gravity_m_s2: acceleration of gravity [m/s^2].
+        sensors: encoder and torque sensor.
+        linkages: phase and station of each linkage on the shaft.
+        shaft: elastic main shaft with the linkages at its stations; None for a rigid shaft.
+        tolerances: relative standard deviations of numbers by dotted path, such as `bodies.l3.mass_kg`.
+        scene: default request.
+        joint_names: joint names by link, where they differ from the link's name.
+        angle_near_rad: angle per link [rad] that selects the turn of its printed angle.
+        transmitted: output names of the torque that a link applies to an arm fixed to it, or a guide to its slider
+            about the slider's start.
+        missing_for_torque: parameters without which a machine of the catalogue has no torque.
+        range_rad: range of the shaft angle over which the linkage must close [rad].
+        nominal_speed_rad_s: shaft speed at which errors are judged [rad/s].
+        parameters, choices: numeric and textual parameters of a machine of the catalogue.
+        description: one line for lists.
+
+    Raises:
+        MachineError: with the shaft angle, if the linkage cannot close over `range_rad`.
+
+    Examples:
+        >>> import textile_twin_core as ttc
+        >>> from textile_twin_core.mechanism import Crank, RRPDyad
+        >>> crank = Crank("crank", "O", "A", 0.05)
+        >>> rod = RRPDyad("rod", "slider", "A", "B", "C", (0.2, 0.1), (0.0, 0.0), (1.0, 0.0))
+        >>> machine = ttc.Machine("press", points={"O": (0.0, 0.0)}, groups=(crank, rod))
+        >>> machine.point_names
+        ('O', 'A', 'B', 'C')
+    """
 
     def __post_init__(self) -> None:
         super().__post_init__()

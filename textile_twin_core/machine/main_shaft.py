@@ -150,7 +150,7 @@ class MainShaft:
     Raises:
         MachineError: for stations and pieces that form no chain.
 
-    Example:
+    Examples:
         >>> ends = Station("motor", 0.5), Station("head", 0.01)
         >>> shaft = MainShaft(ends, (ShaftPiece("motor", "head", stiffness_Nm_rad=4.0e4),))
         >>> shaft.torque_piece
@@ -247,12 +247,21 @@ class MainShaft:
 
 @dataclass(frozen=True)
 class EvenShaft:
-    """Short form of a shaft: a round bar in equal pieces, from its driven end s0 to the last of its `stations`.
+    """Short form of a shaft: a round bar in equal pieces, from its driven end s0 to the last of its stations.
 
-    The linkages are on s1, s2, ..; s0 carries none. `damping_Nms_rad` is that of the whole length, end to end, and is
-    divided as for dampers in series.
+    The linkages are on s1, s2, ..; s0 carries none.
 
-    Example:
+    Attributes:
+        diameter_m, length_m: of the bar [m].
+        stations: number of pieces.
+        shear_modulus_Pa: of its material [Pa].
+        density_kg_m3: of its material [kg/m^3]; 0 leaves its own inertia out.
+        damping_Nms_rad: of the whole length, end to end [N m s/rad]; divided as for dampers in series.
+        encoder_at, second_encoder_at: stations of the encoders.
+        torque_sensor: ends of the piece whose torque the sensor shows.
+        drive: the drive.
+
+    Examples:
         >>> shaft = EvenShaft(diameter_m=0.06, length_m=4.0, stations=16).main_shaft()
         >>> len(shaft.stations), round(shaft.pieces[0].stiffness / 16)
         (17, 25129)

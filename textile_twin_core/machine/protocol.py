@@ -122,7 +122,7 @@ def with_encoder(machine: SomeMachine, settings: Mapping[str, float]) -> SomeMac
     Raises:
         MachineError: for impossible settings.
 
-    Example:
+    Examples:
         >>> import textile_twin_core as ttc
         >>> ttc.machines.with_encoder(ttc.machines.tufting(), {"teeth": 60}).sensors.encoder.teeth
         60

@@ -50,7 +50,7 @@ class Encoder:
     Raises:
         MachineError: for impossible values.
 
-    Example:
+    Examples:
         >>> import textile_twin_core as ttc
         >>> ttc.machines.tufting(encoder_zero_rad=0.1).sensors.encoder.zero_rad
         0.1
@@ -168,6 +168,11 @@ class TorqueSensor:
 
     Raises:
         MachineError: for impossible values.
+
+    Examples:
+        >>> from textile_twin_core.machine.sensors import TorqueSensor
+        >>> TorqueSensor(gain=-1.0, delay_s=0.002).delay_s  # [s]
+        0.002
     """
 
     gain: float = 1.0
@@ -208,7 +213,18 @@ class TorqueSensor:
 
 @dataclass(frozen=True)
 class Sensors:
-    """The sensors on the shaft; `second_encoder` is the one at `second_encoder_at` of an elastic shaft."""
+    """The sensors on the shaft.
+
+    Attributes:
+        encoder: encoder of the main shaft.
+        torque: torque sensor.
+        second_encoder: encoder at `second_encoder_at` of an elastic shaft.
+
+    Examples:
+        >>> from textile_twin_core.machine.sensors import Encoder, Sensors
+        >>> Sensors(encoder=Encoder(zero_rad=0.1)).encoder.zero_rad  # [rad]
+        0.1
+    """
 
     encoder: Encoder = Encoder()
     torque: TorqueSensor = TorqueSensor()
@@ -217,7 +233,18 @@ class Sensors:
 
 @dataclass(frozen=True)
 class Scene:
-    """Request of a machine file: outputs, method and tolerance."""
+    """Request of a machine file.
+
+    Attributes:
+        outputs: names of the outputs.
+        method: `exact`, `table` or `auto`.
+        tolerance: error of a table over the output's peak.
+
+    Examples:
+        >>> from textile_twin_core.machine.sensors import Scene
+        >>> Scene().outputs
+        ('balancing_torque_Nm',)
+    """
 
     outputs: tuple[str, ...] = ("balancing_torque_Nm",)
     method: Literal["exact", "table", "auto"] = "auto"

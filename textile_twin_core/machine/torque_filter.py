@@ -48,7 +48,7 @@ class TorqueFilter:
     Raises:
         MachineError: for impossible values.
 
-    Example:
+    Examples:
         >>> from textile_twin_core.machine import TorqueFilter
         >>> round(float(abs(TorqueFilter(low_pass_hz=20.0, low_pass_order=2).response(20.0))), 4)
         0.7071

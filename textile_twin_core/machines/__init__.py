@@ -2,7 +2,7 @@
 
 The building blocks of a declaration (Machine, Sensors, ..) are exported here as well.
 
-Example:
+Examples:
     >>> import textile_twin_core as ttc
     >>> ttc.machines.tufting(backing_force_N=900.0).name
     'tufting'
@@ -65,7 +65,7 @@ def parameters_of(name: str) -> dict[str, Any]:
     Raises:
         MachineError: for an unknown machine, with the nearest names.
 
-    Example:
+    Examples:
         >>> import textile_twin_core as ttc
         >>> ttc.machines.parameters_of("tufting")["backing_force_N"]
         1000.0
@@ -85,7 +85,7 @@ def create(name: str, **overrides: float | str) -> AnyMachine:
     Raises:
         MachineError: for an unknown machine or parameter, with the nearest names, and for sizes beyond any machine.
 
-    Example:
+    Examples:
         >>> import textile_twin_core as ttc
         >>> ttc.machines.create("tufting", backing_force_N=900.0).parameters["backing_force_N"]
         900.0

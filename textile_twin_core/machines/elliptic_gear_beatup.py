@@ -56,7 +56,22 @@ def elliptic_gear_beatup(
     centre line, AD to the x axis). Here gear 1 is 4 deg past the largest ratio, not before, since only that gives the
     printed dwell. The direction of the centre line OA is not in the text: `centre_line_rad`.
 
-    Example:
+    Args:
+        half_axis_m, axis_ratio: major half axis of the gears [m], and minor over major.
+        crank_m, coupler_m, rocker_m, ground_m, sley_m: lengths of the links [m].
+        past_largest_ratio_rad, ground_angle_rad, centre_line_rad, sley_angle_rad, pressure_angle_rad: angles [rad].
+        gear_1_kg, gear_2_kg, crank_kg, coupler_kg, rocker_kg, sley_kg: masses [kg].
+        gear_1_kgm2, gear_2_kgm2, crank_kgm2, coupler_kgm2, rocker_kgm2, sley_kgm2: inertias [kg m^2].
+        gravity_m_s2: acceleration of gravity [m/s^2].
+        **sensors: numbers of the sensors, by parameter.
+
+    Returns:
+        The machine.
+
+    Raises:
+        MachineError: for lengths that do not close, and impossible numbers.
+
+    Examples:
         >>> import textile_twin_core as ttc
         >>> ttc.machines.elliptic_gear_beatup().missing_for_torque[0]
         'gear_1_kg'

@@ -47,7 +47,21 @@ def handloom_beatup(
     counts along its arc from the rear dead centre. Beat-up is at the front dead centre, with crank and coupler
     stretched.
 
-    Example:
+    Args:
+        crank_m, coupler_m, rocker_m, ground_m, arm_m: lengths of the links [m].
+        arm_angle_rad, ground_angle_rad: angles of the arm and of the ground link [rad].
+        crank_kg, coupler_kg, rocker_kg, arm_kg, beater_kg: masses [kg].
+        crank_kgm2, coupler_kgm2, rocker_kgm2, arm_kgm2, beater_kgm2: inertias about the centroids [kg m^2].
+        gravity_m_s2: acceleration of gravity [m/s^2].
+        **sensors: numbers of the sensors, by parameter.
+
+    Returns:
+        The machine.
+
+    Raises:
+        MachineError: for lengths that do not close, and impossible numbers.
+
+    Examples:
         >>> import textile_twin_core as ttc
         >>> ttc.machines.handloom_beatup().shown_outputs[-1]
         'beater_acceleration_m_s2'

@@ -84,12 +84,34 @@ def needle_transfer(
       most its start (relative to x_2, as in Eq. 16, F and G could never meet); collets F-G, x_3 - x_2 at most D - A.
       Pin and cone transmit the jacket's motion, as in 15 and 16 (restitution 0). F-G bounces with 0.6.
 
+    Args:
+        design: "original" or "optimised".
+        motion_law: law of motion of element 1, as above.
+        stroke_m: its stroke [m].
+        forward_duration_s, return_duration_s: durations of its motions [s].
+        return_start_rad: shaft angle at which it returns [rad].
+        cycles_per_minute: speed for which durations are given.
+        pad_position_m: face of the pad [m].
+        pad_linear_N_mm, pad_quadratic_N_mm2, pad_cubic_N_mm3: stiffness of the pad [N/mm, N/mm^2, N/mm^3].
+        pad_damping_Ns_m: its damping [N s/m].
+        pad_pulls: whether the pad may pull.
+        element_1_kg, element_2_kg, element_3_kg: masses [kg].
+        spring_1_N_m, spring_2_N_m: stiffness of the springs [N/m].
+        spring_1_Ns_m, spring_2_Ns_m: their damping [N s/m].
+        spring_1_free_m, spring_2_free_m: their free lengths [m].
+        value_a_m, value_d_m, value_e_m: distances A, D and E of the paper [m].
+        element_2_start_m, element_3_start_m: positions at the shaft angle 0 [m].
+        pin_restitution, cone_restitution, collet_restitution: of the stops; 0 sticks, 1 loses nothing.
+
+    Returns:
+        The machine.
+
     Raises:
         MachineError: for an unknown design or law, a motion that does not fit into a turn, or masses too light for
             their springs and dampers to be integrated.
         ContactError: for bad masses, stiffnesses or restitutions, or a start beyond a stop.
 
-    Example:
+    Examples:
         >>> import textile_twin_core as ttc
         >>> ttc.machines.needle_transfer(design="optimised").elements
         ('element_1', 'element_2', 'element_3')

@@ -53,7 +53,24 @@ def tufting(
     deg). Both angles correspond to one plane of the backing 557.84 mm below the driven shaft: `entry_plane_m` and
     `exit_plane_m`. Eq. 9 and 14 are on the branches pi - asin and 2 pi - acos.
 
-    Example:
+    Args:
+        l1_m, l2_m, l3_m, l4_m, l5_m, l6_m: lengths of the links [m].
+        x1_m, x2_m, H1_m: places of the driven shaft and of the guide [m].
+        beta1_rad: angle between rocker and arm [rad].
+        m1_kg, m2_kg, m3_kg, m4_kg, m5_kg, m6_kg: masses [kg].
+        J1_kgm2, J2_kgm2, J3_kgm2, J4_kgm2, J5_kgm2, J6_kgm2: inertias about the centroids [kg m^2].
+        backing_force_N, free_force_N: force on the needle in the backing and above it [N].
+        entry_plane_m, exit_plane_m: planes of the backing below the driven shaft [m].
+        gravity_m_s2: acceleration of gravity [m/s^2].
+        **sensors: numbers of the sensors, by parameter.
+
+    Returns:
+        The machine.
+
+    Raises:
+        MachineError: for lengths that do not close, and impossible numbers.
+
+    Examples:
         >>> import textile_twin_core as ttc
         >>> [round(event.angle_rad, 2) for event in ttc.machines.tufting().events()][:1]
         [0.38]

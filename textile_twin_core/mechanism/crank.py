@@ -14,9 +14,25 @@ from textile_twin_core.mechanism.wrenches import Wrenches
 
 @dataclass(frozen=True)
 class Crank(PlainGroup):
-    """A crank of `length_m` from the fixed point `at` to the point `end`.
+    """A crank from a fixed point, at the angle of its shaft plus a phase.
 
-    Its angle is that of the shaft `driven_by` plus `phase_rad`.
+    Attributes:
+        name: name of the link.
+        at: fixed point on the shaft's axis.
+        end: name of the new point at the crank's end.
+        length_m: length [m].
+        phase_rad: angle of the crank where that of the shaft is 0 [rad].
+        driven_by: shaft that carries the crank: the main shaft, or an earlier gear.
+
+    Raises:
+        MachineError: for a length that is not positive.
+
+    Examples:
+        >>> import textile_twin_core as ttc
+        >>> from textile_twin_core.mechanism import Crank
+        >>> machine = ttc.Machine("disc", points={"O": (0.0, 0.0)}, groups=(Crank("l1", "O", "A", 0.05),))
+        >>> round(ttc.compile(machine, ["point_A_x_m"]).evaluate(0.0)["point_A_x_m"], 3)  # [m]
+        0.05
     """
 
     name: str

@@ -74,7 +74,7 @@ class GearPair(PlainGroup):
         MachineError: for impossible teeth, lengths or pressure angle; when solved, for axes whose distance is not
             fixed, a gear without a drive, and turns that do not repeat with the main shaft.
 
-    Example:
+    Examples:
         >>> planet = GearPair("planet", "O", "A", "D", 0.03, (60, 20), internal=True)  # in a ring that stands still
         >>> planet.ratio
         Fraction(3, 1)

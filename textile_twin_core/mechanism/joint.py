@@ -13,11 +13,22 @@ Kind = Literal["continuous", "prismatic", "fixed"]
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint from `parent_link` to `child_link`, whose frames begin at the links' start points with x along the link.
+    """A joint between two links, whose frames begin at the links' start points with x along the link.
 
-    `origin_m` and `origin_angle_rad` place the joint in the parent's frame, and `axis` is a unit vector of that frame.
-    The value of a continuous joint is the angle between the frames; the value of a prismatic joint is the slider's
-    distance from the guide's point along the guide.
+    Attributes:
+        name: name of the joint.
+        kind: continuous, revolute or prismatic, as in a URDF.
+        parent_link: link that carries the joint.
+        child_link: link that moves. The value of a continuous joint is the angle between the frames [rad]; that of a
+            prismatic joint is the slider's distance from the guide's point along the guide [m].
+        origin_m: position of the joint in the parent's frame [m].
+        origin_angle_rad: angle of the joint in the parent's frame [rad].
+        axis: unit vector of the parent's frame, along which a slider moves.
+
+    Examples:
+        >>> from textile_twin_core.mechanism.joint import guide
+        >>> guide("bar", (0.0, 0.0), (1.0, 0.0)).kind
+        'prismatic'
     """
 
     name: str
@@ -38,8 +49,20 @@ def pivot(motion: Motion, link: str, point: str) -> Joint:
 
 
 def guide(link: str, point_m: tuple[float, float], axis: tuple[float, float], on: str | None = None) -> Joint:
-    """Return the joint by which a link slides along the line through a point in the direction of `axis`.
+    """Return the joint by which a link slides along a line.
 
-    Both are given in the frame of the guide's link `on`, or of the ground if `on` is None.
+    Args:
+        link: the link that slides.
+        point_m: a point of the line [m], in the frame of the guide's link.
+        axis: direction of the line in that frame.
+        on: link of the guide; None for the ground.
+
+    Returns:
+        The prismatic joint.
+
+    Examples:
+        >>> from textile_twin_core.mechanism.joint import guide
+        >>> guide("bar", (0.0, 0.1), (1.0, 0.0)).child_link
+        'bar'
     """
     return Joint(link, "prismatic", on or BASE, link, point_m, axis=axis)

@@ -51,7 +51,7 @@ class PRPDyad(PlainGroup):
     Raises:
         MachineError: for impossible lengths, guides or slots, and for two guides on one link.
 
-    Example:
+    Examples:
         >>> ram = PRPDyad(("die", "ram"), "D", ("S", "E"), (0.05, 0.3), (Guide("lever"), Guide(None, (0.0, 0.22))))
         >>> ram.name
         'die-ram'

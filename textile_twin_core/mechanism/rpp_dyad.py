@@ -29,7 +29,7 @@ class RPPDyad(PlainGroup):
     Raises:
         MachineError: for impossible lengths, guide or slot, and for a slot parallel to the guide.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> from textile_twin_core.mechanism import Crank, Linkage
         >>> from textile_twin_core.mechanism.extremes import values_over

@@ -63,7 +63,7 @@ class RPRDyad(PlainGroup):
     Raises:
         MachineError: for impossible lengths, slot or branch.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> from textile_twin_core.mechanism import Crank, Linkage
         >>> from textile_twin_core.mechanism.extremes import values_over

@@ -29,10 +29,7 @@ Branch = Literal["left", "right", "left_passing", "right_passing"]
 
 @dataclass(frozen=True)
 class RRRDyad(PlainGroup):
-    """A coupler from point `from_point` and a rocker from point `ground` that meet in the new point `end`.
-
-    `lengths_m` are those of coupler and rocker. `branch` says on which side of the line from `from_point` to `ground`
-    the end lies; the branch stays the same over the motion.
+    """A coupler and a rocker that meet in a new point.
 
     A parallelogram or kite on a crank reaches two change points per turn. All links lie in one line there, and the
     motion can continue on two branches. With "left_passing" or "right_passing" it continues smoothly: a parallelogram
@@ -42,6 +39,23 @@ class RRRDyad(PlainGroup):
 
     The triangle's area comes from the two factors of Heron's formula, P = (l2 + l3)^2 - D^2 and Q = D^2 - (l2 - l3)^2
     with D the distance of the outer joints. On a crank both come from the half angle (see `four_bar`).
+
+    Attributes:
+        coupler: link from `from_point` to `end`.
+        rocker: link from `ground` to `end`.
+        from_point: an earlier point.
+        ground: the point on which the rocker turns.
+        end: name of the new point.
+        lengths_m: lengths of coupler and rocker [m].
+        branch: side of the line from `from_point` to `ground` on which the end lies; it stays the same over the motion.
+
+    Raises:
+        MachineError: for lengths that are not positive.
+
+    Examples:
+        >>> from textile_twin_core.mechanism import RRRDyad
+        >>> RRRDyad("l2", "l3", "A", "C", "B", (0.2, 0.23)).branch
+        'left'
     """
 
     coupler: str

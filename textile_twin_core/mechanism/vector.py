@@ -13,9 +13,19 @@ from textile_twin_core.expression.graph import Number, as_expr
 
 @dataclass(frozen=True)
 class Vector:
-    """A vector (x, y) of the plane.
+    """A vector of the plane.
 
     A vector rotated by declared angles stores its source, so that successive rotations combine into one.
+
+    Attributes:
+        x, y: components.
+        source: vector before its rotation.
+        turn: cosine and sine of the rotation.
+
+    Examples:
+        >>> from textile_twin_core.mechanism.vector import Vector
+        >>> (Vector.of(1.0, 2.0) + Vector.of(0.5, 0.0)).x.value
+        1.5
     """
 
     x: Expr

@@ -11,14 +11,26 @@ from textile_twin_core.mechanism.vector import ZERO, Vector
 
 @dataclass
 class Wrenches:
-    """Sum of applied and inertia forces per link [N], and their moment about the link's start point [N m].
+    """Sum of applied and inertia forces per link, and their moment about the link's start point.
+
+    A group takes what acts on its links with `on`, and passes on what its joints carry with `pull_on_point` and
+    `add_reaction`.
 
     Attributes:
-        torque_on: moments on turning shafts, by shaft.
-        reactions: solved joint forces, by pin.
-        guide_reactions: guide forces on sliders, positive to the left of their direction, by link.
-        transmitted: moments passed on by a rigid arm or slider, by link.
-        contacts: forces by which groups press on each other, by output.
+        motion: the linkage's motion.
+        force: forces by link [N].
+        moment: moments about the link's start point, by link [N m].
+        torque_on: moments on turning shafts, by shaft [N m].
+        reactions: solved joint forces, by pin [N].
+        guide_reactions: guide forces on sliders, positive to the left of their direction, by link [N].
+        transmitted: moments passed on by a rigid arm or slider, by link [N m].
+        contacts: forces by which groups press on each other, by output [N].
+
+    Examples:
+        >>> import textile_twin_core as ttc
+        >>> from textile_twin_core.mechanism.wrenches import Wrenches
+        >>> Wrenches(ttc.machines.tufting().linkage.solved).reactions
+        {}
     """
 
     motion: Motion

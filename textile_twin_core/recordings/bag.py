@@ -34,6 +34,18 @@ class Bag(Recording):
 
     The read functions raise RecordingError if the topic is missing, empty or of another type, or never names the joint.
     Values are returned as recorded: NaN stays NaN.
+
+    Args:
+        path: Folder or file of the recording.
+        files: Its opened files.
+        metadata: User entries of metadata.yaml.
+        notices: Remarks on what was skipped.
+
+    Examples:
+        >>> from textile_twin_core.recordings import open_bag
+        >>> angle = open_bag("bags/tufting_160rpm_synthetic").read_angles()
+        >>> angle.angles_rad.size  # [rad], with stamps [ns]
+        22684
     """
 
     def read_angles(self, topic: str = "main_shaft/angle", joint: str = "main_shaft") -> AngleSamples:
@@ -223,6 +235,11 @@ def open_bag(path: str | Path, salvage: bool = False) -> Bag:
 
     Raises:
         RecordingError: The recording is missing, damaged or of an unknown kind.
+
+    Examples:
+        >>> from textile_twin_core.recordings import open_bag
+        >>> open_bag("bags/tufting_160rpm_synthetic").has_topic("main_shaft/angle")
+        True
     """
     path = Path(path)
     if not path.exists():

@@ -46,6 +46,17 @@ class BagWriter(ArrayWriter):
 
     Raises:
         OutputError: The path cannot be written, or exists and `overwrite` is false.
+
+    Examples:
+        >>> import tempfile
+        >>> import numpy as np
+        >>> from textile_twin_core.recordings import BagWriter, open_bag
+        >>> stamps = np.arange(1000) * 2_000_000  # [ns]
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     with BagWriter(f"{folder}/bag") as bag:
+        ...         bag.write_joint_states("main_shaft/angle", stamps, ["main_shaft"], stamps * 1.6e-8)  # [rad]
+        ...     open_bag(f"{folder}/bag").message_count
+        1000
     """
 
     def __init__(

@@ -87,7 +87,7 @@ class FaultBook:
         RecordingError: there is no book, or the file is no database.
         OutputError: the folder or the book cannot be made.
 
-    Example:
+    Examples:
         >>> book = FaultBook("out/faults", create=True)  # doctest: +SKIP
         >>> book.faults()  # doctest: +SKIP
         []

@@ -59,7 +59,7 @@ def run_jobs(
     Raises:
         RecordingError: the cluster cannot be reached, or its package is not installed.
 
-    Example:
+    Examples:
         >>> [outcome.result for outcome in run_jobs(abs, [-1, 2])]
         [1, 2]
     """

@@ -82,7 +82,7 @@ def _number(text: str) -> float:
 def unit_factor(unit: str, units: Mapping[str, float]) -> float | None:
     """Return SI units per unit, for a unit of a table or a multiple of it (`0.1 deg`); None for any other.
 
-    Example:
+    Examples:
         >>> unit_factor("10 N cm", TORQUE_UNITS)
         0.1
     """

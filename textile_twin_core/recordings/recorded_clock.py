@@ -138,7 +138,7 @@ def better_clock(logged_ns: IntArray, published_ns: IntArray) -> IntArray:
     Returns:
         The times of publishing if they increase and are more regular by EVENER, otherwise the times of recording.
 
-    Example:
+    Examples:
         >>> better_clock(np.array([0, 0, 0, 6]), np.array([1, 3, 5, 7]))
         array([1, 3, 5, 7])
     """

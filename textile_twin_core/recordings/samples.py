@@ -23,6 +23,12 @@ class AngleSamples:
         timing: Bursts of the stamps, if `stamps` are reconstructed times; None otherwise.
         recorded_ns: Stamps as recorded, if `stamps` are reconstructed or continued ones; None otherwise.
         notes: Corrections on reading, for people.
+
+    Examples:
+        >>> from textile_twin_core.recordings import open_bag
+        >>> angle = open_bag("bags/tufting_160rpm_synthetic").read_angles("main_shaft/angle")
+        >>> angle.stamps.shape == angle.angles_rad.shape
+        True
     """
 
     topic: str
@@ -39,7 +45,19 @@ class AngleSamples:
 
 @dataclass(frozen=True)
 class TorqueSamples:
-    """Torques about the shaft in the order recorded; arrays of shape (n,). The rest as in AngleSamples."""
+    """Torques about the shaft in the order recorded; arrays of shape (n,).
+
+    Attributes:
+        topic: Topic of the torques.
+        stamps: Stamps of the message headers [ns].
+        torque_Nm: Torques [N m].
+        timing, recorded_ns, notes: As in AngleSamples.
+
+    Examples:
+        >>> from textile_twin_core.recordings import open_bag
+        >>> open_bag("bags/tufting_160rpm_synthetic").read_torques("balancing_torque/measured").torque_Nm.size
+        22775
+    """
 
     topic: str
     stamps: IntArray

@@ -32,7 +32,7 @@ def create_estimator(name: str, **settings: Any) -> ShaftEstimator:
     Raises:
         SceneError: an unknown name, an unknown setting, or a setting of the wrong kind or value.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> time = np.arange(500) * 0.002
         >>> states = create_estimator("causal").step(time, 30.0 * time)

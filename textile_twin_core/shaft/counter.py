@@ -52,7 +52,7 @@ def unwrap_counter(values: Values, width: float) -> Values:
 
     Integers stay exact. NaN stay NaN.
 
-    Example:
+    Examples:
         >>> unwrap_counter(np.array([65530, 65535, 4]), 65536)
         array([65530, 65535, 65540])
     """
@@ -127,7 +127,7 @@ class CounterUnwrapper:
         width: of the last wrap; None before the first.
         wraps: their number.
 
-    Example:
+    Examples:
         >>> counter = CounterUnwrapper([65536], known=True)
         >>> [counter.step(value) for value in (65530, 65535, 4)]
         [65530, 65535, 65540]

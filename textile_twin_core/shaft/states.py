@@ -31,6 +31,14 @@ class ShaftStates:
     Attributes:
         stamps: (n,) stamps of the samples, unchanged.
         rows: (n,) records whose first fields are those of STATE (see `status`).
+
+    Examples:
+        >>> import numpy as np
+        >>> from textile_twin_core.shaft import create_estimator
+        >>> stamps = np.arange(500) / 500.0  # [s]
+        >>> states = create_estimator("causal").step(stamps, 16.76 * stamps)  # [rad]
+        >>> round(float(states.omega_rad_s[-1]), 2)  # [rad/s]
+        16.76
     """
 
     stamps: FloatArray | IntArray

@@ -136,16 +136,30 @@ class CrankRockerSynthesis:
 
 
 def crank_rocker(swing_rad: float, rotation_rad: float) -> CrankRockerSynthesis:
-    """Synthesise all crank-rockers whose rocker swings by `swing_rad` while the crank turns by `rotation_rad`.
+    """Synthesise all crank-rockers whose rocker swings by an angle while the crank turns by another.
 
     With the crank pivot on the left, the rocker pivot on the right and the joint of coupler and rocker above them, a
     crank that turns counter-clockwise takes the rotation from the stretched to the folded dead centre.
+
+    Args:
+        swing_rad: swing of the rocker [rad].
+        rotation_rad: rotation of the crank for it [rad].
+
+    Returns:
+        The designs, and the best of them.
 
     Raises:
         SceneError: if no beta is admissible.
 
     References:
         Topalbekiroglu and Celik 2010, Eq. 1-18, after Khare and Dave 1978; continued beyond phi = 180 deg + psi.
+
+    Examples:
+        >>> import math
+        >>> from textile_twin_core.synthesis.crank_rocker import crank_rocker
+        >>> best = crank_rocker(math.radians(30.0), math.pi).best
+        >>> round(math.degrees(best.mu_min_rad), 1)  # [deg]
+        67.2
     """
     if not np.isfinite(swing_rad) or not np.isfinite(rotation_rad):
         raise SceneError("swing and rotation must be finite numbers")

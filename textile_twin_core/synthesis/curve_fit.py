@@ -63,6 +63,16 @@ def fit_curve(
 
     References:
         Storn and Price 1997: differential evolution.
+
+    Returns:
+        The design and its largest distance from the points.
+
+    Examples:
+        >>> import numpy as np
+        >>> from textile_twin_core.synthesis.curve_fit import fit_curve
+        >>> turn = np.arange(8) * np.pi / 4.0
+        >>> points = np.stack([0.1 * np.cos(turn), 0.03 * np.sin(turn)], axis=1)  # [m]
+        >>> fit_curve(points, generations=200)  # doctest: +SKIP
     """
     points = np.array([complex(*p) for p in points_m])
     if not _FEWEST <= points.size <= _MOST:

@@ -151,11 +151,27 @@ class SliderCrankFamily:
 def offset_slider(
     stroke_m: float, rotation_rad: float = math.pi, crank_over_rod: float | None = None
 ) -> SliderCrankDesign:
-    """Synthesise the slider-crank of a stroke whose crank turns by `rotation_rad` from outer to inner dead centre.
+    """Synthesise the slider-crank of a stroke whose crank turns by an angle from outer to inner dead centre.
 
     The crank turns counter-clockwise. The slider moves along +x on a guide above the axis if the rotation exceeds 180
-    deg. Without `crank_over_rod` the design has crank over rod nearest 0.3 with a transmission angle of at smallest 50
-    deg, or else the best transmission angle. Raises SceneError as the family does.
+    deg.
+
+    Args:
+        stroke_m: stroke of the slider [m].
+        rotation_rad: rotation of the crank for it [rad].
+        crank_over_rod: ratio of the lengths. Without it the design has the ratio nearest 0.3 with a transmission angle
+            of at smallest 50 deg, or else the best transmission angle.
+
+    Returns:
+        The design.
+
+    Raises:
+        SceneError: for a stroke or rotation that no slider-crank has.
+
+    Examples:
+        >>> from textile_twin_core.synthesis.offset_slider import offset_slider
+        >>> round(offset_slider(0.1, crank_over_rod=0.3).crank_m, 3)  # [m]
+        0.05
     """
     family = SliderCrankFamily(float(stroke_m), float(rotation_rad) - math.pi)
     if crank_over_rod is not None:

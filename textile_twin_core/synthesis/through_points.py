@@ -44,18 +44,32 @@ class PointsDesign:
 def through_points(
     points_m: Sequence[tuple[float, float]], seed: int = 0, count: int = 5, smallest_mu_rad: float = 0.0
 ) -> tuple[PointsDesign, ...]:
-    """Find crank-rockers whose coupler point passes two to five points [m] in order, best transmission angle first.
+    """Find crank-rockers whose coupler point passes two to five points in order, best transmission angle first.
 
     Pivots, lengths, coupler point and the crank angle at each point are 9 + n unknowns of 2 n equations. From each
     start the nearest solution is found by Newton's method with the shortest step (Gauss-Newton for an underdetermined
     system). Solutions are accepted if the crank turns fully and meets the points in order. The same seed gives the same
     designs.
 
+    Args:
+        points_m: (n, 2) points [m].
+        seed: seed of the starts.
+        count: number of designs.
+        smallest_mu_rad: smallest allowed transmission angle [rad].
+
+    Returns:
+        The designs.
+
     Raises:
         SceneError: for points that are too few, too many, not finite or identical, and if no crank-rocker is found.
 
     References:
         Deuflhard 2011: Gauss-Newton for underdetermined systems.
+
+    Examples:
+        >>> from textile_twin_core.synthesis.through_points import through_points
+        >>> len(through_points([(0.0, 0.1), (0.05, 0.12)], count=1))
+        1
     """
     points = _checked(points_m)
     centre, size = complex(points.mean()), float(np.abs(points - points.mean()).max())

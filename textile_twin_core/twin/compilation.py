@@ -61,7 +61,7 @@ def compile_machine(
         SceneError: An output or the method is unknown, or the tolerance is not positive.
         MachineError: The machine lacks data that an output needs, such as masses.
 
-    Example:
+    Examples:
         >>> import textile_twin_core as ttc
         >>> twin = ttc.compile(ttc.machines.tufting(), outputs=["balancing_torque_Nm"])
         >>> round(twin.evaluate(1.0, 16.755, 0.0)["balancing_torque_Nm"], 3)

@@ -25,11 +25,26 @@ _TABLE_PAYS_FROM = 200_000
 
 
 class Twin:
-    """Machine compiled for a scene.
+    """Machine compiled for a scene; made by `compile`.
 
-    Method `exact` evaluates closed forms; `table` evaluates periodic tables refined to the tolerance. `auto`
-    evaluates closed
-    forms, and tables for blocks long enough to pay for them, where tables are cheaper.
+    Method `exact` evaluates closed forms. `table` evaluates periodic tables refined to the tolerance. `auto` evaluates
+    closed forms, and tables for blocks long enough to pay for them, where tables are cheaper.
+
+    Args:
+        machine: The machine.
+        outputs: Names of the outputs, which end with their units.
+        method: `exact`, `table` or `auto`.
+        tolerance: Error of a table over the output's peak.
+
+    Raises:
+        SceneError: For a method that this machine does not have.
+
+    Examples:
+        >>> import textile_twin_core as ttc
+        >>> twin = ttc.compile(ttc.machines.tufting(), ["needle_position_m"])
+        >>> found = twin.evaluate(theta=0.5, omega=16.76, alpha=0.0)  # [rad], [rad/s], [rad/s^2]; floats or arrays
+        >>> round(found["needle_position_m"], 3)  # [m]
+        0.56
     """
 
     def __init__(self, machine: Machine, outputs: tuple[str, ...], method: str, tolerance: float) -> None:

@@ -51,6 +51,13 @@ class Samples:
     Attributes:
         states: Estimated states of the shaft (stamps, index, omega_rad_s, alpha_rad_s2, covariance, settled).
         outputs: (n,) arrays by output name, which ends with the unit.
+
+    Examples:
+        >>> import textile_twin_core as ttc
+        >>> session = ttc.compile(ttc.machines.tufting(), ["balancing_torque_Nm"]).session()
+        >>> samples = session.step([0, 2_000_000, 4_000_000], [0.00, 0.03, 0.06])  # stamps [ns], angles [rad]
+        >>> len(samples), samples["balancing_torque_Nm"].shape
+        (1, (1,))
     """
 
     states: ShaftStates
@@ -171,7 +178,26 @@ def _span_text(stamps: FloatArray | IntArray) -> str:
 class Session:
     """Session of a twin that takes angle samples of its encoder.
 
-    `shaft` and `settings` are the arguments of `create_estimator`; a setting overrides that of the machine's encoder.
+    It keeps all state between samples: blocks of any size give the same predictions. A prediction begins with the third
+    accepted sample.
+
+    Args:
+        twin: The twin.
+        shaft: Estimator of the shaft's motion: `causal`, `lag` or `smooth` (see `create_estimator`).
+        **settings: Other arguments of `create_estimator`; a setting overrides that of the machine's encoder.
+
+    Raises:
+        SceneError: For an unknown estimator or setting.
+
+    Examples:
+        >>> import numpy as np
+        >>> import textile_twin_core as ttc
+        >>> twin = ttc.compile(ttc.machines.tufting(), ["balancing_torque_Nm"])
+        >>> session = twin.session(shaft="causal")
+        >>> stamps = np.arange(500) / 500.0  # [s]; integers are [ns]
+        >>> samples = session.step(stamps, 16.76 * stamps)  # [rad]
+        >>> len(samples)
+        498
     """
 
     def __init__(self, twin: AnyTwin, shaft: str, **settings: Any) -> None:

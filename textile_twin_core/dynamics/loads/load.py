@@ -19,9 +19,19 @@ from textile_twin_core.mechanism.wrenches import Wrenches
 
 @dataclass(frozen=True)
 class LoadContext:
-    """Inputs of a load: the motion, the shaft's state, the machine's measures and their displacements.
+    """Inputs of a load.
 
-    `carries_shaft_loads` is set for one linkage of a shaft: loads on the shaft itself act there, once.
+    Attributes:
+        motion: the linkage's motion.
+        shaft: angle [rad], speed [rad/s] and acceleration [rad/s^2] of the main shaft.
+        measures: the machine's measures, by name.
+        displacements: their displacements, by name.
+        carries_shaft_loads: true for one linkage of a shaft: loads on the shaft itself act there, once.
+
+    Examples:
+        >>> import textile_twin_core as ttc
+        >>> sorted(ttc.machines.tufting().model.linkages[0].load_context.measures)
+        ['needle']
     """
 
     motion: Motion
@@ -62,7 +72,18 @@ class Load(Protocol):
 
 
 class Uneventful:
-    """Base class of loads without named events."""
+    """Base class of loads without named events.
+
+    A subclass is a frozen dataclass that defines `intensity`, `unit_force` and `apply`.
+
+    Examples:
+        The air drag of [extending](../extending.md#a-load) derives from it:
+
+        >>> from textile_twin_core.dynamics.loads import ShaftFriction
+        >>> from textile_twin_core.dynamics.loads.load import Uneventful
+        >>> issubclass(ShaftFriction, Uneventful)
+        True
+    """
 
     def crossings(self, context: LoadContext) -> tuple[Crossing, ...]:
         """Return no events."""
