@@ -55,7 +55,7 @@ def test_readings_of_a_controller_whose_cycle_drifts_past_the_polls(view: str) -
     """Asked at 50 Hz, it reads each 4 ms by a clock of its own: for seconds readings are new or a cycle old by chance.
 
     Few of them are there in a turn, so that the ripple alternates, too. Taken for motion, they are up to 2000 times the
-    error of the textbook. Live that is still so in one record of five (docs/shaft.md): these are others.
+    error of the textbook. Live that is still so in one record of five (docs/validation/shaft.md): these are others.
     """
     assert max(_polled(seed, view) for seed in (0, 2, 3, 4, 5, 6)) < 2.0
 
