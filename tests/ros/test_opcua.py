@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 import socket
 import threading
-from collections.abc import Awaitable, Callable, Coroutine, Iterator
+from collections.abc import Awaitable, Callable, Coroutine, Iterator, Sequence
 from concurrent.futures import Future
 from datetime import UTC, datetime, timedelta
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -23,7 +25,8 @@ from tests.campaign import more
 from tests.ros.bridged import Bridged
 from tests.ros.suite import PATIENCE_S, RELIABLE, SECOND_NS, Suite
 from tests.ros.test_live_topics import stamp_of
-from textile_twin_ros.opcua_values import Values
+from textile_twin_ros.opcua_values import Value, Values
+from textile_twin_ros.plc_registers import counter_of
 
 RATE_HZ, SAMPLES = 100.0, 500
 START = datetime(2031, 3, 1, 12, 0, 0, tzinfo=UTC)
@@ -47,8 +50,13 @@ def free_port(port: int = 0) -> int:
 class Plc:
     """asyncua's server in a thread of its own, on a port of its own."""
 
-    def __init__(self, port: int = 0, secure: Callable[[Server], Awaitable[None]] | None = None) -> None:
-        self.port, self._secure = free_port(port), secure
+    def __init__(
+        self,
+        port: int = 0,
+        secure: Callable[[Server], Awaitable[None]] | None = None,
+        namespaces_before: Sequence[str] = (),
+    ) -> None:
+        self.port, self._secure, self._before = free_port(port), secure, namespaces_before
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever)
         self._thread.start()
@@ -68,6 +76,8 @@ class Plc:
         self.server.set_endpoint(f"opc.tcp://127.0.0.1:{self.port}")
         if self._secure is not None:
             await self._secure(self.server)
+        for name in self._before:
+            await self.server.register_namespace(name)
         space = await self.server.register_namespace("loom")
         self.nodes = {}
         for name, value in VARIABLES.items():
@@ -189,6 +199,60 @@ def test_a_machine_behind_an_opc_ua_server(suite: Suite, plc: Plc) -> None:
 
 @pytest.mark.campaign
 @pytest.mark.slow
+def test_a_namespace_by_its_uri_and_values_without_a_source_time(suite: Suite, plc: Plc) -> None:
+    """The server numbers its namespaces otherwise after its restart, and its PLC gives no times."""
+    heard = Bridged(suite.node(), "opcua_node: plc")
+    words = (f"url:=opc.tcp://127.0.0.1:{plc.port}", "angle:='nsu=loom;s=Angle'", "allow_insecure:=true")
+    bridge = suite.start("opcua_node", *words)
+    numbers = itertools.count()
+
+    def heard_from(server: Plc, before: int) -> bool:
+        server.call(server.cycle(next(numbers)))
+        return len(heard.angles) > before
+
+    suite.spin_until(lambda: heard_from(plc, 0), "the first angle")
+    plc.close()
+    later = Plc(plc.port, namespaces_before=("urn:first", "urn:second"))
+    try:
+        before = len(heard.angles)
+        suite.spin_until(lambda: heard_from(later, before), "an angle of the restarted server")
+        later.call(later.nodes["Angle"].write_value(ua.DataValue(ua.Variant(7.5), SourceTimestamp=None)))
+        there = later.call(later.nodes["Angle"].read_data_value(raise_on_bad_status=False))
+        suite.spin_until(lambda: heard.angles[-1].position[0] == 7.5, "the angle without a source time")
+        suite.spin_until(lambda: "without a source time" in heard.states[-1].message, "the warning")
+        assert heard.states[-1].level == DiagnosticStatus.WARN and "stamps:=arrival" in heard.states[-1].message
+        assert "stamps are the server's" in heard.states[-1].message and there.SourceTimestamp is None
+        since = there.ServerTimestamp.replace(tzinfo=UTC) - datetime(1970, 1, 1, tzinfo=UTC)
+        assert stamp_of(heard.angles[-1]) == since // timedelta(microseconds=1) * 1000
+    finally:
+        later.close()
+    assert bridge.end() == 0
+    missing = Plc(plc.port)
+    try:
+        other = suite.start("opcua_node", words[0], "angle:='nsu=urn:loom:7;s=Angle'", "allow_insecure:=true")
+        other.wait_for_words("the server has no namespace urn:loom:7; there are")
+        assert other.end() == 0
+    finally:
+        missing.close()
+
+
+@pytest.mark.parametrize(
+    ("kind", "counts", "expected"),
+    [(ua.VariantType.UInt16, [65_000, 500], [65_000, 66_036]), (ua.VariantType.Int32, [-5, 5], [-5, 5])],
+)
+def test_a_counter_continues_over_its_end(kind: ua.VariantType, counts: list[int], expected: list[int]) -> None:
+    values: list[Value] = []
+    known = Values.__new__(Values)
+    node = SimpleNamespace(nodeid="angle")
+    known._takers = {"angle": values.append}
+    for count in counts:
+        change = SimpleNamespace(monitored_item=SimpleNamespace(Value=ua.DataValue(ua.Variant(count, kind))))
+        known.datachange_notification(node, count, change)
+    counter = counter_of(values[0].counter_width, 2.0 * np.pi / 4000)
+    assert counter is not None and [counter.step(value.number) for value in values] == expected
+    assert counter_of(values[0].counter_width, 2.0 * np.pi / 4096) is None  # a number of turns
+
+
 def test_a_variable_that_is_not_there(suite: Suite, plc: Plc) -> None:
     program = suite.start(
         "opcua_node", f"url:=opc.tcp://127.0.0.1:{plc.port}", "angle:='ns=2;s=Angel'", "allow_insecure:=true"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,11 +16,14 @@ from asyncua import Client, ua
 from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
 from cryptography import x509
 
+from tests.ros.suite import Suite
 from tests.ros.test_opcua import Plc
 from textile_twin_core.errors import SceneError
 from textile_twin_core.files.certificates import make_certificate
 from textile_twin_core.files.user_file import add_user
+from textile_twin_ros.diagnostics import ERROR, WARN
 from textile_twin_ros.opcua_security import (
+    CertificateWatch,
     ClientSecurity,
     ClientSecurityParameters,
     ServerSecurity,
@@ -124,6 +128,36 @@ def test_strangers_are_refused(keys: Keys, secured: str, mode: str) -> None:
     asyncio.run(try_all())
     assert codes["wrong password"] == codes["no such user"] == "BadUserAccessDenied"
     assert codes["wrong certificate"] == "BadCertificateUntrusted"
+
+
+def test_an_expired_client_is_told_so_and_expiring_certificates_are_named(keys: Keys, tmp_path: Path) -> None:
+    trusted = tmp_path / "trusted"
+    expired, expired_key = make_certificate(trusted, "expired", days=0)
+    soon, _ = make_certificate(trusted, "soon", days=12)
+    own, own_key = make_certificate(tmp_path, "own", days=0)
+    shutil.copy(keys.client, trusted)
+    settings = {"certificate": str(own), "private_key": str(own_key), "trusted": str(trusted)}
+    security = ServerSecurity(ServerSecurityParameters(**{**keys.of_server(), **settings}))
+    found = {Path(each.kind): each for each in CertificateWatch(security.certificates).findings()}
+    assert set(found) == {own, expired, soon} and found[own].level == found[expired].level == ERROR
+    assert found[soon].level == WARN and "expires in 11 days" in found[soon].text
+    assert "expired on" in found[own].text and str(own) in found[own].text
+    client = ClientSecurityParameters(
+        certificate=str(keys.client), private_key=str(keys.client_key), server_certificate=str(own)
+    )
+    (server,) = CertificateWatch(ClientSecurity(client).certificates).findings()
+    assert Path(server.kind) == own
+    for url in served(keys, trusted=str(trusted)):
+        with pytest.raises(ua.uaerrors.BadCertificateTimeInvalid):
+            asyncio.run(connected(url, keys, certificate=expired, private_key=expired_key))
+
+
+def test_a_node_names_its_expired_certificate_at_its_start(suite: Suite, tmp_path: Path) -> None:
+    own, key = make_certificate(tmp_path, "own", days=0)
+    words = ("url:=opc.tcp://127.0.0.1:9", "angle:='ns=2;s=Angle'", f"certificate:={own}", f"private_key:={key}")
+    node = suite.start("opcua_node", *words, f"server_certificate:={own}")
+    node.wait_for_words(f"certificate {own} expired on")
+    assert node.end() == 0
 
 
 def test_a_user_without_encryption_is_refused(secured: str) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import socket
+import struct
 import threading
 from collections import Counter
 from collections.abc import Iterator
@@ -23,7 +24,7 @@ from tests.ros.bridged import Bridged
 from tests.ros.suite import PATIENCE_S, RELIABLE, SECOND_NS, Suite, wait_until
 from tests.ros.test_live_topics import stamp_of
 from textile_twin_core.errors import SceneError
-from textile_twin_ros.plc_registers import Register, Registers
+from textile_twin_ros.plc_registers import BYTE_ORDERS, Register, Registers
 
 RATE_HZ, SAMPLES = 100.0, 500
 
@@ -250,16 +251,64 @@ def test_a_prediction_goes_into_a_register_of_any_type(plc: Plc, kind: str, valu
     assert client.connect()
     register = Register.parse("predicted", f"40:{kind}")
     assert register is not None
-    registers = Registers(client, "holding", {"predicted": register}, 1, "little")
+    registers = Registers(client, "holding", {"predicted": register}, 1, "CDAB")
     registers.write(register, value)
     assert registers.read()["predicted"] == stored
     client.close()
 
 
+@pytest.mark.parametrize("order", BYTE_ORDERS)
+@pytest.mark.parametrize(
+    ("kind", "code", "value"),
+    [("float32", ">f", -12.5), ("int32", ">i", -70_000), ("float64", ">d", 1.1), ("uint16", ">H", 1)],
+)
+def test_values_in_every_byte_order(plc: Plc, order: str, kind: str, code: str, value: float) -> None:
+    """Bytes A to D are the highest to the lowest; longer values continue the pattern of their registers."""
+    words = list(struct.unpack(f">{struct.calcsize(code) // 2}H", struct.pack(code, value)))
+    if order in ("CDAB", "DCBA"):
+        words.reverse()
+    if order in ("BADC", "DCBA"):
+        words = [int.from_bytes(word.to_bytes(2, "big"), "little") for word in words]
+    plc.set(20, words)
+    client = ModbusTcpClient("127.0.0.1", port=plc.port)
+    assert client.connect()
+    register = Register.parse("torque", f"20:{kind}")
+    assert register is not None
+    registers = Registers(client, "holding", {"torque": register}, 1, order)
+    assert registers.read()["torque"] == value
+    registers.write(register, value)
+    assert plc.words(20, len(words)) == words
+    client.close()
+
+
+def test_a_counter_continues_and_values_in_a_wrong_byte_order_are_not_published(suite: Suite, plc: Plc) -> None:
+    """An encoder of 4000 counts a turn in 16 bits, which are no number of turns, beside a torque in the order ABCD."""
+    heard = Bridged(suite.node(), "plc_node: plc")
+    torque = ModbusTcpClient.convert_to_registers(10.0, ModbusTcpClient.DATATYPE.FLOAT32)
+    counts = np.arange(64_000, 64_000 + 8 * 900, 900)
+
+    def cycle(number: int) -> None:
+        plc.set(10, [int(counts[number]) % 65_536, number, *torque])
+
+    cycle(0)
+    words = ("angle:=10:uint16", f"angle_unit_rad:={2.0 * np.pi / 4000}", "torque:=12:float32", "sequence:=11:uint16")
+    place = ("host:=127.0.0.1", f"port:={plc.port}", "rate_hz:=200.0", "timeout_s:=20.0")
+    bridge = suite.start("plc_node", *place, *words, "byte_order:=CDAB")
+    for number in range(counts.size):
+        cycle(number)
+        suite.spin_until(lambda number=number: len(heard.angles) > number, f"angle {number}")
+    given = [message.position[0] for message in heard.angles]
+    np.testing.assert_allclose(np.diff(given), 900 * 2.0 * np.pi / 4000, rtol=1e-9)
+    suite.spin_until(lambda: any(s.level == DiagnosticStatus.ERROR for s in heard.states), "the status")
+    worst = next(status for status in heard.states if status.level == DiagnosticStatus.ERROR)
+    assert "byte_order" in worst.message and "torque" in worst.message and not heard.torques
+    assert bridge.end() == 0 and "byte_order" in bridge.words()
+
+
 def test_registers_too_far_apart_for_one_moment() -> None:
     values = {"angle": Register.parse("angle", "0:uint16"), "torque": Register.parse("torque", "200:float64")}
     with pytest.raises(SceneError, match="the registers span 204, more than the 125"):
-        Registers(ModbusTcpClient("127.0.0.1"), "holding", values, 1, "big")
+        Registers(ModbusTcpClient("127.0.0.1"), "holding", values, 1)
 
 
 @pytest.mark.parametrize(

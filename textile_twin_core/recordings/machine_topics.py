@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,14 +14,12 @@ from textile_twin_core.recordings.bag import Bag
 from textile_twin_core.recordings.message_types import HEADER
 from textile_twin_core.recordings.recorded_clock import set_back, stamps_ahead
 from textile_twin_core.recordings.samples import AngleSamples, TorqueSamples
-from textile_twin_core.shaft.counter import find_counter, unwrap_counter
+from textile_twin_core.shaft.counter import find_angle_counter, unwrap_counter
 from textile_twin_core.twin.encoder_reference import Reading, Reference, reference_of
 
 ANGLE_TOPIC = "main_shaft/angle"
 SECOND_ANGLE_TOPIC = "main_shaft/second_angle"
 MEASURED_TOPIC = "balancing_torque/measured"
-_LEAST_STEP_RAD = 1e-7
-"""Least move of a reading that is a step of an encoder, beyond the rounding of numbers."""
 
 
 def namespace_of(angle_topic: str) -> str:
@@ -146,15 +143,8 @@ def without_angle_wraps(angles: AngleSamples, step_rad: float | None) -> AngleSa
     Args:
         angles: as measured. step_rad: of the encoder; None to take the least difference of two moves.
     """
-    readings = angles.angles_rad[np.isfinite(angles.angles_rad)]
-    moves = np.abs(np.diff(readings))
-    if step_rad is None:
-        different = np.diff(np.unique(np.append(moves, 0.0)))
-        step_rad = float(np.min(different, where=different > _LEAST_STEP_RAD, initial=np.inf))
-    if not moves.size or moves.max() < 2.0**15 * step_rad:
-        return angles
-    counter = find_counter(readings - readings[0], [step_rad])
-    if counter is None or abs(math.remainder(counter.width, 2.0 * math.pi)) < 0.5 * step_rad:
+    counter = find_angle_counter(angles.angles_rad[np.isfinite(angles.angles_rad)], step_rad)
+    if counter is None:
         return angles
     note = f"topic {angles.topic}: the angle is {counter.text}, no multiple of a turn: continued from there"
     undone = unwrap_counter(angles.angles_rad, counter.width)

@@ -22,6 +22,8 @@ _MOST = 0.25
 """Largest move between two samples as a share of the width, above which the number of wraps is ambiguous."""
 _CONSISTENT = 0.7
 """Least share of the jumps that are wraps; the others are outliers or restarts."""
+_LEAST_STEP_RAD = 1e-7
+"""Least move of a reading that is a step of an encoder, beyond the rounding of numbers."""
 _WHOLE = 1e-3
 """Largest distance of a reading from a whole count, in counts; a logged decimal number is rounded."""
 
@@ -93,6 +95,25 @@ def find_counter(values: npt.NDArray[np.float64 | np.int64], counts: Sequence[fl
             if wraps and _are_whole(finite, count):
                 return Counter(width, bits, wraps, low < 0.0 < high)
     return None
+
+
+def find_angle_counter(angles_rad: npt.NDArray[np.float64], step_rad: float | None) -> Counter | None:
+    """Find the counter of an encoder whose range is no multiple of a turn; None without clear evidence.
+
+    Args:
+        angles_rad: (n,) finite angles as measured.
+        step_rad: step of the encoder; None to take the least difference of two moves.
+    """
+    moves = np.abs(np.diff(angles_rad))
+    if step_rad is None:
+        different = np.diff(np.unique(np.append(moves, 0.0)))
+        step_rad = float(np.min(different, where=different > _LEAST_STEP_RAD, initial=np.inf))
+    if not moves.size or moves.max() < 2.0**15 * step_rad:
+        return None
+    counter = find_counter(angles_rad - angles_rad[0], [step_rad])
+    if counter is None or abs(math.remainder(counter.width, math.tau)) < 0.5 * step_rad:
+        return None
+    return counter
 
 
 def _wraps(moves: npt.NDArray[np.float64 | np.int64], width: float, count: float) -> int:

@@ -31,13 +31,20 @@ from rclpy.task import Future
 from sensor_msgs.msg import JointState
 
 from textile_twin_core.errors import SceneError
+from textile_twin_core.shaft.counter import CounterUnwrapper
 from textile_twin_ros.diagnostics import ERROR, OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for, samples_qos
-from textile_twin_ros.health import Recent
+from textile_twin_ros.health import Finding, Recent, judged
 from textile_twin_ros.messages import JointTemplate, TorqueReader, WrenchTemplate
-from textile_twin_ros.opcua_security import ClientSecurity, ClientSecurityParameters, declare_connection
-from textile_twin_ros.opcua_values import Value, Values
+from textile_twin_ros.opcua_security import (
+    CertificateWatch,
+    ClientSecurity,
+    ClientSecurityParameters,
+    declare_connection,
+)
+from textile_twin_ros.opcua_values import NodeName, Value, Values
 from textile_twin_ros.parameters import parameter
+from textile_twin_ros.plc_registers import counter_of
 from textile_twin_ros.publishing import Publish, create_publish
 from textile_twin_ros.spinning import EXECUTORS, finish_with, run
 
@@ -51,16 +58,20 @@ _CHECK_S = 1.0
 
 @dataclass
 class OpcuaParameters(ClientSecurityParameters):
-    """Parameters of opcua_node; variables are written as node ids, such as ns=2;s=Loom.Angle."""
+    """Parameters of opcua_node; variables are written as node ids: ns=2;s=Loom.Angle or nsu=URI;s=Loom.Angle."""
 
     url: str = parameter("", "address of the server, such as opc.tcp://10.0.0.5:4840")
-    angle: str = parameter("", "variable of the shaft's angle")
+    angle: str = parameter(
+        "", "variable of the shaft's angle: ns=2;s=Loom.Angle, or nsu=URI;s=Loom.Angle by its namespace"
+    )
     angle_unit_rad: float = parameter(1.0, "radians of one unit of it", between=(1e-12, 1e3))
     torque: str = parameter("", "variable of the shaft's torque, or of the drive's current; none where there is none")
     torque_unit_Nm: float = parameter(1.0, "N m of one unit of it, or the motor constant", between=(-1e6, 1e6))
     predicted: str = parameter("", "variable that takes the latest predicted torque, in N m")
     stamps: str = parameter(
-        "source", "of the messages: the source's, by the PLC's clock, or of arrival here", choices=("source", "arrival")
+        "source",
+        "of the messages: the source's, by the PLC's clock (the server's where it gives none), or of arrival here",
+        choices=("source", "arrival"),
     )
     sampling_ms: float = parameter(
         0.0, "how often the server looks at a variable; 0: as fast as it can, or at each change", between=(0.0, 1e4)
@@ -78,17 +89,24 @@ class OpcuaNode(Node):
     def __init__(self) -> None:
         # Optional packages are imported where they are used, so that a missing one is one line.
         from asyncua.client.client import Client
-        from asyncua.ua.uaerrors import UaError
+        from asyncua.ua.uaerrors import BadNodeIdUnknown, UaError
 
         super().__init__("opcua_node")
         self._create_client, self._refused, self._failures = Client, UaError, (OSError, UaError)
+        self._unknown_node = BadNodeIdUnknown
         self.settings = settings = declare_connection(self, OpcuaParameters, "opc.tcp://10.0.0.5:4840")
         self.executor_name = settings.executor
         self.finished = Future()
         if not settings.angle:
             raise SceneError("parameter 'angle' is not set: give the variable's node id, such as ns=2;s=Loom.Angle")
         self._security = ClientSecurity(settings)
-        self._ids = {name: self._node_id(name) for name in ("angle", "torque", "predicted") if getattr(settings, name)}
+        self._certificates = CertificateWatch(self._security.certificates)
+        self._names = {
+            name: self._node_name(name) for name in ("angle", "torque", "predicted") if getattr(settings, name)
+        }
+        self._counter: CounterUnwrapper | None = None
+        self._counts_width: int | None = None
+        self._time_from = "source"
         self.counts: Counter[str] = Counter(angles=0, torques=0, unfit=0, overflows=0, failures=0)
         self._recent, self._trouble, self._refusal = Recent(), "not connected yet", ""
         self._latest: float | None = None
@@ -103,24 +121,24 @@ class OpcuaNode(Node):
         self._stop.set()
         self._thread.join()
 
-    def _node_id(self, name: str) -> Any:
+    def _node_name(self, name: str) -> NodeName:
         text = getattr(self.settings, name)
-        from asyncua.ua import NodeId
-
         try:
-            return NodeId.from_string(text)
-        except (*self._failures, ValueError) as error:
-            raise SceneError(f"parameter '{name}' is '{text}': write a node id, such as ns=2;s=Loom.Angle") from error
+            return NodeName(text)
+        except ValueError as error:
+            raise SceneError(
+                f"parameter '{name}' is '{text}': write a node id, such as ns=2;s=Loom.Angle ({error})"
+            ) from error
 
     def _create_topics(self) -> None:
         qos = samples_qos(depth_for(self.settings.rate_hz))
         self._angle, self._torque = JointTemplate(["main_shaft"], velocities=False), WrenchTemplate("main_shaft")
         self._send_angle = create_publish(self, JointState, "main_shaft/angle", qos)
-        has_torque = "torque" in self._ids
+        has_torque = "torque" in self._names
         self._send_torque: Publish | None = None
         if has_torque:
             self._send_torque = create_publish(self, WrenchStamped, "balancing_torque/measured", qos)
-        if "predicted" in self._ids:
+        if "predicted" in self._names:
             reader = TorqueReader()
 
             def keep(raw: bytes) -> None:
@@ -155,7 +173,8 @@ class OpcuaNode(Node):
         """
         settings = self.settings
         values = Values(client, depth_for(settings.rate_hz), settings.sampling_ms)
-        listened: dict[str, Any] = {name: self._ids[name] for name in ("angle", "torque") if name in self._ids}
+        ids = {name: await node.at(client) for name, node in self._names.items()}
+        listened: dict[str, Any] = {name: ids[name] for name in ("angle", "torque") if name in ids}
         await values.subscribe(listened, {"angle": self._give_angle, "torque": self._give_torque})
         self.get_logger().info(f"reading {settings.url}")
         self._trouble = self._refusal = ""
@@ -164,15 +183,21 @@ class OpcuaNode(Node):
             await asyncio.sleep(_WRITE_S)
             latest, self._latest = self._latest, None
             if latest is not None and math.isfinite(latest) and not self._refusal:
-                await self._write_prediction(client, values, latest)
+                await self._write_prediction(client, values, ids, latest)
+            if values.gone:
+                raise self._refused(f"{values.gone}: BadNodeIdUnknown: looked up again at the next connection")
             looks += 1
             if looks % round(_CHECK_S / _WRITE_S) == 0:
                 await client.check_connection()
 
-    async def _write_prediction(self, client: Client, values: Values, torque_Nm: float) -> None:
+    async def _write_prediction(self, client: Client, values: Values, ids: dict[str, Any], torque_Nm: float) -> None:
         """Into its variable; a server that does not take it gives angles all the same."""
         try:
-            await values.write(self._ids["predicted"], torque_Nm)
+            try:
+                await values.write(ids["predicted"], torque_Nm)
+            except self._unknown_node:  # its namespace may have another number by now
+                ids["predicted"] = await self._names["predicted"].at(client)
+                await values.write(ids["predicted"], torque_Nm)
         except self._refused as error:
             await client.check_connection()
             why = " ".join(str(error).split()) or type(error).__name__
@@ -186,7 +211,11 @@ class OpcuaNode(Node):
         number = self._number(value)
         if number is not None:
             self.counts["angles"] += 1
-            self._send_angle(self._angle.message(self._stamp(value), number * self.settings.angle_unit_rad))
+            if value.counter_width != self._counts_width:
+                self._counts_width = value.counter_width
+                self._counter = counter_of(value.counter_width, self.settings.angle_unit_rad)
+            count = number if self._counter is None else self._counter.step(number)
+            self._send_angle(self._angle.message(self._stamp(value), count * self.settings.angle_unit_rad))
 
     def _give_torque(self, value: Value) -> None:
         number = self._number(value)
@@ -201,8 +230,10 @@ class OpcuaNode(Node):
         return value.number
 
     def _stamp(self, value: Value) -> int:
-        if self.settings.stamps == "source" and value.stamp_ns is not None:
-            return value.stamp_ns
+        if self.settings.stamps == "source":
+            self._time_from = value.clock
+            if value.stamp_ns is not None:
+                return value.stamp_ns
         return int(self.get_clock().now().nanoseconds)
 
     def _fail(self, text: str) -> None:
@@ -212,16 +243,26 @@ class OpcuaNode(Node):
             self.get_logger().warning(f"{self.settings.url}: {text}; trying again every second")
 
     def _statuses(self) -> list[Status]:
+        return [judged(self._status(), [*self._clock_findings(), *self._certificates.findings()])]
+
+    def _clock_findings(self) -> list[Finding]:
+        if self._time_from == "source" or self._trouble:
+            return []
+        instead = "stamps are the server's" if self._time_from == "server" else "stamps are of arrival here"
+        text = f"the server gives values without a source time: {instead}; set stamps:=arrival, or give it in the PLC"
+        return [Finding("no source time", WARN, text)]
+
+    def _status(self) -> Status:
         growth = self._recent.growth(self.counts)
         if self._trouble:
-            return [Status("plc", ERROR, self._trouble, self.counts)]
+            return Status("plc", ERROR, self._trouble, self.counts)
         wrong = {name: growth[name] for name in ("unfit", "overflows", "failures") if growth[name]}
         if wrong:
             text = ", ".join(f"{count:.0f} {name}" for name, count in wrong.items())
-            return [Status("plc", WARN, f"{text} in the last seconds", self.counts)]
+            return Status("plc", WARN, f"{text} in the last seconds", self.counts)
         if self._refusal:
-            return [Status("plc", WARN, self._refusal, self.counts)]
-        return [Status("plc", OK, f"{self.counts['angles']} angles", self.counts)]
+            return Status("plc", WARN, self._refusal, self.counts)
+        return Status("plc", OK, f"{self.counts['angles']} angles", self.counts)
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -19,9 +19,12 @@
 from __future__ import annotations
 
 import logging
+import math
+import time
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
@@ -30,11 +33,17 @@ from rclpy.node import Node
 from textile_twin_core.errors import SceneError
 from textile_twin_core.files.certificates import read_certificate
 from textile_twin_core.files.user_file import is_password, read_users
+from textile_twin_ros.diagnostics import ERROR, WARN
+from textile_twin_ros.health import Finding
 from textile_twin_ros.parameters import declare, parameter
 
 if TYPE_CHECKING:
     from asyncua import Server
     from asyncua.client.client import Client
+
+
+_SOON = timedelta(days=30)
+_CERTIFICATES_S = 60.0
 
 
 class ConnectionParameters(Protocol):
@@ -57,6 +66,44 @@ def declare_connection(node: Node, declaration: type[Connection], example: str) 
     if not settings.url.startswith("opc.tcp://"):
         raise SceneError(f"parameter 'url' is '{settings.url}': give the server's address, {example}")
     return settings
+
+
+class CertificateWatch:
+    """Watch over the validity of certificates.
+
+    Args:
+        files: returns the files to look at; those that are no certificate are left out.
+    """
+
+    def __init__(self, files: Callable[[], Iterable[Path]]) -> None:
+        self._files = files
+        self._looked_s = -math.inf
+        self._findings: list[Finding] = []
+
+    def findings(self) -> list[Finding]:
+        """Return a finding for each certificate that has expired or expires within 30 days; read once a minute."""
+        if time.monotonic() - self._looked_s > _CERTIFICATES_S:
+            self._looked_s = time.monotonic()
+            self._findings = [found for path in self._files() if (found := _validity_finding(path)) is not None]
+        return self._findings
+
+
+def _validity_finding(path: Path) -> Finding | None:
+    from cryptography import x509
+
+    try:
+        certificate = x509.load_der_x509_certificate(read_certificate(path)[0])
+    except SceneError:  # no certificate, such as a private key
+        return None
+    now, begin, end = datetime.now(UTC), certificate.not_valid_before_utc, certificate.not_valid_after_utc
+    if begin > now:
+        return Finding(f"{path}", ERROR, f"certificate {path} is not valid before {begin:%Y-%m-%d %H:%M} UTC")
+    if end < now:
+        text = f"certificate {path} expired on {end:%Y-%m-%d}: make another with textile-twin opcua certificate"
+        return Finding(f"{path}", ERROR, text)
+    if end - now < _SOON:
+        return Finding(f"{path}", WARN, f"certificate {path} expires in {(end - now).days} days, on {end:%Y-%m-%d}")
+    return None
 
 
 @dataclass
@@ -139,6 +186,11 @@ class ClientSecurity:
                 place = f"parameter 'password_file': {settings.password_file}"
                 raise SceneError(f"{place}: {error.strerror or error}") from error
 
+    def certificates(self) -> list[Path]:
+        """Files of this node's certificate and the server's."""
+        names = (self._settings.certificate, self._settings.server_certificate) if self.is_secure else ()
+        return [Path(name) for name in names]
+
     async def apply(self, client: Client) -> None:
         """Set policy, certificates and user of a client that is not connected yet."""
         from asyncua import ua
@@ -187,6 +239,12 @@ class ServerSecurity:
                 raise SceneError("parameter 'users' is not set: give the file of users, see textile-twin opcua user")
             read_users(Path(settings.users))
 
+    def certificates(self) -> list[Path]:
+        """Files of this node's certificate and of trusted clients."""
+        if not self.is_secure:
+            return []
+        return [Path(self._settings.certificate), *sorted(Path(self._settings.trusted).iterdir())]
+
     async def apply(self, server: Server) -> None:
         """Set endpoints, certificate and checks of a server that is not started yet."""
         from asyncua import ua
@@ -223,26 +281,33 @@ class ServerSecurity:
 
         if self._settings.allow_insecure and username is None and not certificate:
             return User(UserRole.User)
-        if username is None or not certificate or not self._is_trusted(certificate):
+        if username is None or not certificate or not self._is_trusted(certificate) or not _is_in_time(certificate):
             return None
         users = read_users(Path(self._settings.users))
         return User(UserRole.User, username) if is_password(users, username, password or "") else None
 
     async def _validate(self, certificate: Any, description: Any) -> None:
-        """Refuse an unknown certificate by its own code; asyncua calls this before it creates a session."""
+        """Refuse an unknown or expired certificate by its own code; asyncua calls this before it creates a session."""
         from asyncua import ua
         from asyncua.common.utils import ServiceError
         from cryptography.hazmat.primitives.serialization import Encoding
 
-        if not self._is_trusted(certificate.public_bytes(Encoding.DER)):
+        encoded = certificate.public_bytes(Encoding.DER)
+        if not self._is_trusted(encoded):
             raise ServiceError(ua.StatusCodes.BadCertificateUntrusted)
+        if not _is_in_time(encoded):
+            raise ServiceError(ua.StatusCodes.BadCertificateTimeInvalid)
 
     def _is_trusted(self, certificate: bytes) -> bool:
-        from cryptography import x509
-
         known = set()
         for path in Path(self._settings.trusted).iterdir():
             with suppress(SceneError):  # no certificate, such as a private key
                 known.add(read_certificate(path)[0])
-        parsed, now = x509.load_der_x509_certificate(certificate), datetime.now(UTC)
-        return certificate in known and parsed.not_valid_before_utc <= now <= parsed.not_valid_after_utc
+        return certificate in known
+
+
+def _is_in_time(certificate: bytes) -> bool:
+    from cryptography import x509
+
+    parsed, now = x509.load_der_x509_certificate(certificate), datetime.now(UTC)
+    return parsed.not_valid_before_utc <= now <= parsed.not_valid_after_utc

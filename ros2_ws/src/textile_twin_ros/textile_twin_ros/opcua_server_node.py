@@ -39,11 +39,17 @@ from textile_twin_core.errors import SceneError, TwinError
 from textile_twin_core.recordings.fault_book import FaultBook
 from textile_twin_ros.diagnostics import ERROR, OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for, samples_qos
+from textile_twin_ros.health import judged
 from textile_twin_ros.machine import load_machine
 from textile_twin_ros.messages import JointReader, MessageError, TorqueReader
 from textile_twin_ros.opcua_alarms import Alarms
 from textile_twin_ros.opcua_machinery import MachineSpace
-from textile_twin_ros.opcua_security import ServerSecurity, ServerSecurityParameters, declare_connection
+from textile_twin_ros.opcua_security import (
+    CertificateWatch,
+    ServerSecurity,
+    ServerSecurityParameters,
+    declare_connection,
+)
 from textile_twin_ros.parameters import parameter
 from textile_twin_ros.spinning import EXECUTORS, finish_with, run
 from textile_twin_ros.twin_outputs import Thinning
@@ -101,6 +107,7 @@ class OpcuaServerNode(Node):
         machine = load_machine(settings.machine)
         self._name = settings.name or self.get_namespace().strip("/").replace("/", "_") or machine.name
         self._security = ServerSecurity(settings)
+        self._certificates = CertificateWatch(self._security.certificates)
         if not self._security.is_secure:
             self.get_logger().warning("allow_insecure: anyone in the network may read, and acknowledge alarms")
         self._book = FaultBook(settings.book, create=True) if settings.book else None
@@ -233,12 +240,15 @@ class OpcuaServerNode(Node):
         }
 
     def _statuses(self) -> list[Status]:
+        return [judged(self._status(), self._certificates.findings())]
+
+    def _status(self) -> Status:
         values = dict(self.counts) | {"state": self._state()}
         if self._trouble:
-            return [Status("opcua server", ERROR, self._trouble, values)]
+            return Status("opcua server", ERROR, self._trouble, values)
         if not self._security.is_secure:
-            return [Status("opcua server", WARN, "insecure: allow_insecure is set", values)]
-        return [Status("opcua server", OK, f"{self.counts['values']} values, {self._state()}", values)]
+            return Status("opcua server", WARN, "insecure: allow_insecure is set", values)
+        return Status("opcua server", OK, f"{self.counts['values']} values, {self._state()}", values)
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -34,6 +34,7 @@ _OVERFLOW = 0x480
 _NUMPY_NAMES = {"SByte": "int8", "Byte": "uint8", "Float": "float32", "Double": "float64"}
 """Of the types that OPC UA calls otherwise."""
 _NUMBERS = ("int8", "uint8", *TYPES)
+_COUNTER_WIDTHS = {"Int16": 1 << 16, "UInt16": 1 << 16, "Int32": 1 << 32, "UInt32": 1 << 32}
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
@@ -41,13 +42,59 @@ _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 class Value:
     """One change of a variable.
 
-    number: None where it is no number, or the server says that it is bad. stamp_ns: by the clock of its source, None
-    where that tells none. overflow: changes before it are lost, since the server's queue ran over.
+    Attributes:
+        number: None where it is no number, or the server marks it as bad.
+        stamp_ns: by the clock of `clock`; None without any.
+        clock: "source"; "server" where the source gives no time; "" without any.
+        counter_width: range of a whole number of 16 or 32 bits; None for other types.
+        overflow: changes before it are lost, since the server's queue ran over.
     """
 
     number: float | None
     stamp_ns: int | None
+    clock: str
+    counter_width: int | None
     overflow: bool
+
+
+class NodeName:
+    """A variable as a user writes it: ns=2;s=Loom.Angle, or nsu=URI;s=Loom.Angle with the URI of its namespace.
+
+    Args:
+        text: what the user wrote.
+
+    Raises:
+        ValueError: it is no node id.
+    """
+
+    def __init__(self, text: str) -> None:
+        from asyncua import ua
+
+        self.text = text
+        self._uri = ""
+        if text.startswith("nsu="):
+            self._uri, separator, text = text.removeprefix("nsu=").rpartition(";")
+            if not separator or not self._uri:
+                raise ValueError("write nsu=URI;s=NAME, with the URI of its namespace")
+        try:
+            self._node_id = ua.NodeId.from_string(text)
+        except ua.UaError as error:
+            raise ValueError(str(error)) from error
+
+    async def at(self, client: Client) -> Any:
+        """Return the node id on this server, whose namespaces may have other numbers after a restart.
+
+        Raises:
+            UaError: the server has no namespace of this URI.
+        """
+        from asyncua import ua
+
+        if not self._uri:
+            return self._node_id
+        there = await client.get_namespace_array()
+        if self._uri not in there:
+            raise ua.UaError(f"{self.text}: the server has no namespace {self._uri}; there are {', '.join(there)}")
+        return ua.NodeId(self._node_id.Identifier, there.index(self._uri), self._node_id.NodeIdType)
 
 
 class Values:
@@ -63,6 +110,8 @@ class Values:
         self._client, self._queue, self._sampling_ms = client, queue, sampling_ms
         self._takers: dict[Any, Callable[[Value], None]] = {}
         self._types: dict[Any, Any] = {}
+        self.gone = ""
+        """Variable that the server has no longer; empty while all are there."""
 
     async def subscribe(self, variables: Mapping[str, Any], takers: Mapping[str, Callable[[Value], None]]) -> None:
         """Call each variable's taker with every change; also with an equal value that is written again.
@@ -97,12 +146,21 @@ class Values:
 
     def datachange_notification(self, node: Any, value: Any, data: Any) -> None:
         """Take a change; asyncua calls this."""
+        from asyncua import ua
+
         change = data.monitored_item.Value
-        status, stamp = change.StatusCode, change.SourceTimestamp
+        status = change.StatusCode
+        if status is not None and status.value == ua.StatusCodes.BadNodeIdUnknown:
+            self.gone = node.nodeid.to_string()
+        stamp, clock = change.SourceTimestamp, "source"
+        if stamp is None:
+            stamp, clock = change.ServerTimestamp, "server"
         is_number = isinstance(value, int | float) and not isinstance(value, bool)
         number = float(value) if is_number and (status is None or status.is_good()) else None
         overflow = status is not None and status.value & _OVERFLOW == _OVERFLOW
-        self._takers[node.nodeid](Value(number, None if stamp is None else _since_epoch_ns(stamp), overflow))
+        width = _COUNTER_WIDTHS.get(change.Value.VariantType.name) if change.Value is not None else None
+        stamp_ns, clock = (None, "") if stamp is None else (_since_epoch_ns(stamp), clock)
+        self._takers[node.nodeid](Value(number, stamp_ns, clock, width, overflow))
 
     async def write(self, node_id: Any, number: float) -> None:
         """Write a number as the type that the variable has, the nearest that it can hold.

@@ -35,11 +35,13 @@ from textile_twin_ros.health import Recent
 from textile_twin_ros.messages import JointTemplate, TorqueReader, WrenchTemplate
 from textile_twin_ros.pacing import Pace
 from textile_twin_ros.parameters import declare, parameter
-from textile_twin_ros.plc_registers import RefusedError, Register, Registers
+from textile_twin_ros.plc_registers import BYTE_ORDERS, RefusedError, Register, Registers, counter_of
 from textile_twin_ros.publishing import Publish, create_publish
 from textile_twin_ros.spinning import EXECUTORS, finish_with, run
 
 _RETRY_S = 1.0
+_TINY = 1e-30
+_ORDER = "is not finite, or beyond its range: check the register, its type and the parameter byte_order"
 
 
 @dataclass
@@ -50,11 +52,20 @@ class PlcParameters:
     port: int = parameter(502, "its Modbus TCP port", between=(1, 65535))
     device: int = parameter(1, "number of the device behind it", between=(0, 255))
     table: str = parameter("holding", "registers that angle, torque and sequence are in", choices=("holding", "input"))
-    word_order: str = parameter("big", "which half of a long value comes first", choices=("big", "little"))
+    byte_order: str = parameter(
+        "ABCD",
+        "bytes of a long value, A the highest: CDAB, lower half first; BADC and DCBA, lower byte of a register first",
+        choices=BYTE_ORDERS,
+    )
+    word_order: str = parameter(
+        "", "earlier form of byte_order: big or little half first", choices=("", "big", "little")
+    )
     angle: str = parameter("0:uint16", "register of the shaft's angle")
     angle_unit_rad: float = parameter(2.0 * math.pi / 65536, "radians of one count of it", between=(1e-12, 1e3))
     torque: str = parameter("", "register of the shaft's torque, or of the drive's current; none where there is none")
     torque_unit_Nm: float = parameter(1.0, "N m of one count of it, or the motor constant", between=(-1e6, 1e6))
+    largest_angle_rad: float = parameter(1e9, "a larger angle, either way, is not published", between=(1e-3, 1e12))
+    largest_torque_Nm: float = parameter(1e6, "a larger torque, either way, is not published", between=(1e-6, 1e12))
     sequence: str = parameter(
         "", "register that counts the PLC's samples: each is then taken once, and those missed are counted"
     )
@@ -87,16 +98,28 @@ class PlcNode(Node):
         self._sequence_bits = 16 * values["sequence"].length if values["sequence"] is not None else 0
         self._predicted = Register.parse("predicted", settings.predicted)
         self._client = ModbusTcpClient(settings.host, port=settings.port, timeout=settings.timeout_s, retries=0)
-        self._registers = Registers(self._client, settings.table, values, settings.device, settings.word_order)
-        self.counts: Counter[str] = Counter(received=0, missed=0, failures=0)
+        self._registers = Registers(self._client, settings.table, values, settings.device, self._byte_order())
+        self.counts: Counter[str] = Counter(received=0, implausible=0, missed=0, failures=0)
+        self._counter = counter_of(values["angle"].counter_width, settings.angle_unit_rad)
+        self._floats = {name for name, value in values.items() if value is not None and value.is_float}
         self._recent, self._trouble, self._refusal = Recent(), "not connected yet", ""
         self._last_sequence: int | None = None
+        self._implausible = ""
         self._latest: float | None = None
         self._create_topics(has_torque=values["torque"] is not None)
         self._diagnostics = DiagnosticsPublisher(self, lambda: f"{settings.host}:{settings.port}", self._statuses)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=finish_with, args=(self.finished, self._work), name="plc")
         self._thread.start()
+
+    def _byte_order(self) -> str:
+        given = {"": self.settings.byte_order, "big": "ABCD", "little": "CDAB"}[self.settings.word_order]
+        if self.settings.word_order and self.settings.byte_order not in ("ABCD", given):
+            raise SceneError(
+                f"parameters 'word_order' is '{self.settings.word_order}' and 'byte_order' is"
+                f" '{self.settings.byte_order}': give byte_order alone"
+            )
+        return given
 
     def close(self) -> None:
         """End the thread and the connection."""
@@ -172,10 +195,29 @@ class PlcNode(Node):
                     self.counts["missed"] += ahead - 1
             self._last_sequence = sequence
         self.counts["received"] += 1
-        self._send_angle(self._angle.message(stamp_ns, values["angle"] * self.settings.angle_unit_rad))
+        settings = self.settings
+        count = values["angle"] if self._counter is None else self._counter.step(values["angle"])
+        angle = count * settings.angle_unit_rad
+        if self._is_plausible("angle", values["angle"], angle, settings.largest_angle_rad):
+            self._send_angle(self._angle.message(stamp_ns, angle))
         if self._send_torque is not None:
-            torque = values["torque"] * self.settings.torque_unit_Nm
-            self._send_torque(self._torque.message(stamp_ns, torque))
+            torque = values["torque"] * settings.torque_unit_Nm
+            if self._is_plausible("torque", values["torque"], torque, settings.largest_torque_Nm):
+                self._send_torque(self._torque.message(stamp_ns, torque))
+
+    def _is_plausible(self, name: str, count: float, value: float, largest: float) -> bool:
+        """Return whether a value may be published; counts it otherwise.
+
+        Bytes in another order give numbers that are not finite, huge, or smaller than any sensor's.
+        """
+        tiny = name in self._floats and 0.0 < abs(count) < _TINY
+        if abs(value) <= largest and not tiny:  # false of NaN, too
+            return True
+        self.counts["implausible"] += 1
+        if not self._implausible:
+            self.get_logger().warning(f"{self.settings.host}:{self.settings.port}: {name} {count:.6g} {_ORDER}")
+        self._implausible = f"{name} {count:.6g} {_ORDER}"
+        return False
 
     def _fail(self, error: OSError) -> None:
         self._client.close()
@@ -190,6 +232,9 @@ class PlcNode(Node):
         growth = self._recent.growth(self.counts)
         if self._trouble:
             return [Status("plc", ERROR, self._trouble, self.counts)]
+        if growth["implausible"]:
+            text = f"{growth['implausible']:.0f} values not published in the last seconds, as {self._implausible}"
+            return [Status("plc", ERROR, text, self.counts)]
         if growth["missed"] or growth["failures"]:
             text = f"{growth['missed']:.0f} samples missed, {growth['failures']:.0f} failures; raise rate_hz"
             return [Status("plc", WARN, text, self.counts)]

@@ -18,14 +18,17 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from textile_twin_core.errors import SceneError
+from textile_twin_core.shaft.counter import CounterUnwrapper
 
 TYPES = ("int16", "uint16", "int32", "uint32", "int64", "uint64", "float32", "float64")
+BYTE_ORDERS = ("ABCD", "CDAB", "BADC", "DCBA")
 _MOST_REGISTERS = 125
 """Of one request, by the Modbus specification."""
 
@@ -60,6 +63,11 @@ class Register:
         return int(self.kind.lstrip("uintfloa")) // 16
 
     @property
+    def counter_width(self) -> int | None:
+        """Range of a whole number of 16 or 32 bits, after which it begins again; None for other types."""
+        return None if self.is_float or self.length > 2 else 1 << 16 * self.length
+
+    @property
     def is_float(self) -> bool:
         """True for a type with fractions."""
         return self.kind.startswith("float")
@@ -74,6 +82,18 @@ def nearest(kind: str, value: float) -> int | float:
     return min(max(round(value), int(limits.min)), int(limits.max))
 
 
+def counter_of(width: int | None, unit_rad: float) -> CounterUnwrapper | None:
+    """Return the unwrapper of an angle that is a counter of this range; None where the range is a number of turns.
+
+    Args:
+        width: range of the counter in counts; None for a number that is no counter.
+        unit_rad: angle of one count.
+    """
+    if width is None or abs(math.remainder(width * unit_rad, 2.0 * math.pi)) < 0.5 * unit_rad:
+        return None
+    return CounterUnwrapper([width], known=True)
+
+
 class RefusedError(OSError):
     """The PLC answers, but does not take a value."""
 
@@ -86,16 +106,18 @@ class Registers:
         table: "holding" or "input".
         values: by name; None for those that the PLC does not have.
         device: the device's number on its line.
-        word_order: "big" or "little": which half of a value comes first.
+        byte_order: of `BYTE_ORDERS`: how the bytes A (highest) to D of a long value lie in its registers.
 
     Raises:
         SceneError: the values lie too far apart for one request.
     """
 
     def __init__(
-        self, client: Any, table: str, values: dict[str, Register | None], device: int, word_order: str
+        self, client: Any, table: str, values: dict[str, Register | None], device: int, byte_order: str = "ABCD"
     ) -> None:
-        self._client, self._device, self._word_order = client, device, word_order
+        self._client, self._device = client, device
+        self._word_order = "big" if byte_order.index("A") < byte_order.index("C") else "little"
+        self._swapped = byte_order.index("B") < byte_order.index("A")
         self._request = client.read_holding_registers if table == "holding" else client.read_input_registers
         self._values = {name: value for name, value in values.items() if value is not None}
         self._first = min(value.address for value in self._values.values())
@@ -125,7 +147,7 @@ class Registers:
             OSError: the PLC does not answer.
         """
         kind = self._client.DATATYPE[register.kind.upper()]
-        words = self._client.convert_to_registers(nearest(register.kind, value), kind, self._word_order)
+        words = self._ordered(self._client.convert_to_registers(nearest(register.kind, value), kind, self._word_order))
         answer = self._client.write_registers(register.address, words, device_id=self._device)
         if answer.isError():
             raise RefusedError(f"the PLC does not take register {register.address}: {answer}")
@@ -133,5 +155,10 @@ class Registers:
     def _decode(self, words: list[int], register: Register) -> float:
         start = register.address - self._first
         kind = self._client.DATATYPE[register.kind.upper()]
-        value = self._client.convert_from_registers(words[start : start + register.length], kind, self._word_order)
+        own = self._ordered(words[start : start + register.length])
+        value = self._client.convert_from_registers(own, kind, self._word_order)
         return value if isinstance(value, int) else float(value)
+
+    def _ordered(self, words: list[int]) -> list[int]:
+        """Exchange the bytes of each register where the PLC has the lower one first."""
+        return [(word & 0xFF) << 8 | word >> 8 for word in words] if self._swapped else words

@@ -19,6 +19,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping
 
@@ -27,6 +28,7 @@ from rclpy.node import Node
 
 from textile_twin_core.machine import AnyMachine
 from textile_twin_core.machine.sizes import LARGEST
+from textile_twin_core.shaft.counter import CounterUnwrapper, find_angle_counter
 from textile_twin_core.twin.encoder_reference import reference_of
 from textile_twin_core.twin.restart import RestartWatch
 from textile_twin_ros.diagnostics import Status
@@ -35,6 +37,9 @@ from textile_twin_ros.own_topics import SECOND_ANGLE
 from textile_twin_ros.sample_inputs import ANGLE_READERS, EDGES, TORQUE_READERS, Sample, SampleInput
 from textile_twin_ros.sensor_parameters import SensorParameters
 
+_LEAP_RAD = 4.0 * math.pi
+"""Move of an angle that is neither a shaft's nor a turn's end."""
+_MOVES = 64
 _REMEMBERED = 16384
 """Angles that show the unit: the shaft has to turn twice in them."""
 
@@ -65,6 +70,8 @@ class AngleInput(SampleInput):
         self._reference = self._create()
         common = (settings.joint, depth, settings.qos_reliability, lambda: settings.no_data_timeout_s)
         self._unit = self.angle_unit_rad = settings.angle_unit_rad
+        self._step_rad = machine.sensors.encoder.resolution_rad
+        self._begin_counter()
         self._latest: deque[float] = deque(maxlen=0 if settings.angle_type == "edges" else _REMEMBERED)
         super().__init__(node, "main_shaft/angle", ANGLE_READERS[settings.angle_type], *common, take)
         self._index = SampleInput(node, "main_shaft/index", EDGES, *common, self._on_pulses) if settings.index else None
@@ -79,6 +86,7 @@ class AngleInput(SampleInput):
         """Restart the watch, and forget the shaft's angle."""
         super().restart()
         self._reference = self._create()
+        self._begin_counter()
         self._latest.clear()
         if self._index is not None:
             self._index.restart()
@@ -101,8 +109,43 @@ class AngleInput(SampleInput):
     def _accept(self, block: list[Sample]) -> None:
         if self._unit != 1.0:
             block = [(stamp, angle * self._unit, speed * self._unit) for stamp, angle, speed in block]
+        block = self._without_wraps(block)
         self._latest.extend([angle for _, angle, _ in block])
         self._pass_on(block if self._reference is None else self._reference.take(block))
+
+    def _begin_counter(self) -> None:
+        self._counter: CounterUnwrapper | None = None
+        self._look_again_s = 0.0
+
+    def _without_wraps(self, block: list[Sample]) -> list[Sample]:
+        """Undo the wraps of a counter whose range is no number of turns, as `replay` does in a recording."""
+        if self._counter is None:
+            last = self._latest[-1] if self._latest else math.nan
+            for _, angle, _ in block:
+                if abs(angle - last) > _LEAP_RAD:
+                    self._find_counter(block)
+                    break
+                last = angle
+        if self._counter is None:
+            return block
+        step = self._counter.step
+        return [(stamp, step(angle), speed) for stamp, angle, speed in block]
+
+    def _find_counter(self, block: list[Sample]) -> None:
+        """Find the counter that passes its end in a block; looked for once a second at most."""
+        if time.monotonic() < self._look_again_s:
+            return
+        self._look_again_s = time.monotonic() + 1.0
+        readings = np.array([*self._latest, *(angle for _, angle, _ in block)])
+        found = find_angle_counter(readings[np.isfinite(readings)], self._step_rad)
+        if found is None:
+            return
+        self._counter = CounterUnwrapper([found.width])
+        for angle in readings[: len(self._latest)][-_MOVES:].tolist():
+            self._counter.step(angle)
+        self._node.get_logger().warning(
+            f"{self.name}: the angle is {found.text}, no multiple of a turn: continued from there"
+        )
 
     def _on_pulses(self, block: list[Sample]) -> None:
         assert self._reference is not None
