@@ -153,6 +153,20 @@ def test_dry_friction_holds_a_shaft_that_stops() -> None:
     assert np.abs(np.diff(found.omega_rad_s[end, 1])).max() < 0.02
 
 
+def test_friction_of_the_shaft_acts_in_full_at_a_light_station() -> None:
+    """A station without a disc of its own carries a linkage and the friction of the main shaft."""
+    bare, rough = (
+        replace(wide(backing_force_N=0.0), loads=(ShaftFriction(coulomb_Nm=c),), gravity_m_s2=(0.0, 0.0))
+        for c in (0.0, 5.0)
+    )
+    t = 1e-3 * np.arange(100)
+    torques = [
+        follow_motion(elastic_shaft(each), t, 20.0 * t, np.full(100, 20.0), np.zeros(100), substeps=4).piece_torque_Nm
+        for each in (bare, rough)
+    ]
+    assert np.mean(torques[1][:, 0] - torques[0][:, 0]) == pytest.approx(5.0, abs=0.02)
+
+
 def test_what_a_chain_cannot_have_is_refused() -> None:
     with pytest.raises(MachineError, match="has a rigid shaft; give it a `shaft`"):
         elastic_shaft(ttc.machines.tufting())

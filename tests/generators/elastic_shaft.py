@@ -38,6 +38,7 @@ class WideMachine:
         modal_damping: damping ratio of the first mode; pieces damp in proportion to their stiffness.
         drive_inertia_kgm2, slip_Nms_rad: J0 and s of J0 alpha0 = T - s (omega0 - omega_ref) - tau.
         backing_force_N: friction on each needle inside the backing.
+        coulomb_Nm: dry friction of the main shaft, at the first linkage.
     """
 
     diameter_m: float = 0.06
@@ -48,6 +49,7 @@ class WideMachine:
     drive_inertia_kgm2: float = 1.0
     slip_Nms_rad: float = 80.0
     backing_force_N: float = 1000.0
+    coulomb_Nm: float = 0.0
 
     @property
     def piece_stiffness_Nm_rad(self) -> float:
@@ -151,7 +153,8 @@ def simulate(
     drive = wander + (mean if speed[0] > 0.0 else 0.0)
     angles, speeds, motor = _integrate(
         1.0 / rate_hz, substeps, speed, drive, machine.slip_Nms_rad, inertia, phases,
-        machine.piece_stiffness_Nm_rad, machine.piece_damping_Nms_rad, machine.backing_force_N / 1000.0, _tables(),
+        machine.piece_stiffness_Nm_rad, machine.piece_damping_Nms_rad, machine.backing_force_N / 1000.0,
+        machine.coulomb_Nm, _tables(),
     )  # fmt: skip
     angles, speeds, motor = angles[before:], speeds[before:], motor[before:]
     torque = machine.piece_stiffness_Nm_rad * (angles[:, 0] - angles[:, 1])
@@ -187,7 +190,7 @@ def _tables() -> Floats:
 
 
 @numba.njit(cache=True)
-def _accelerations(angle, speed, motor, inertia, phases, stiffness, damping, force, tables, result):  # type: ignore[no-untyped-def]
+def _accelerations(angle, speed, motor, inertia, phases, stiffness, damping, force, coulomb, tables, result):  # type: ignore[no-untyped-def]
     before = 0.0
     for i in range(angle.size):
         after = 0.0
@@ -209,12 +212,14 @@ def _accelerations(angle, speed, motor, inertia, phases, stiffness, damping, for
                 load = force * (tables[3, k] + part * (tables[3, k + 1] - tables[3, k]))
                 # Friction builds up over 0.01 rad/s.
                 torque -= load * max(-1.0, min(1.0, speed[i] / 0.01))
+            if i == 1:
+                torque -= coulomb * max(-1.0, min(1.0, speed[i] / 0.01))
         result[i] = torque / mass
         before = after
 
 
 @numba.njit(cache=True)
-def _integrate(period, substeps, reference, drive, slip, inertia, phases, stiffness, damping, force, tables):  # type: ignore[no-untyped-def]
+def _integrate(period, substeps, reference, drive, slip, inertia, phases, stiffness, damping, force, coulomb, tables):  # type: ignore[no-untyped-def]
     n, count, h = inertia.size, reference.size, period / substeps
     angle, speed = np.full(n, 0.05), np.full(n, reference[0])
     angles, speeds, motors = np.empty((count, n)), np.empty((count, n)), np.empty(count)
@@ -226,16 +231,20 @@ def _integrate(period, substeps, reference, drive, slip, inertia, phases, stiffn
             break
         for _ in range(substeps):
             t1 = drive[j] - slip * (speed[0] - reference[j])
-            _accelerations(angle, speed, t1, inertia, phases, stiffness, damping, force, tables, a1)
+            _accelerations(angle, speed, t1, inertia, phases, stiffness, damping, force, coulomb, tables, a1)
             v2 = speed + 0.5 * h * a1
             t2 = drive[j] - slip * (v2[0] - reference[j])
-            _accelerations(angle + 0.5 * h * speed, v2, t2, inertia, phases, stiffness, damping, force, tables, a2)
+            _accelerations(
+                angle + 0.5 * h * speed, v2, t2, inertia, phases, stiffness, damping, force, coulomb, tables, a2
+            )
             v3 = speed + 0.5 * h * a2
             t3 = drive[j] - slip * (v3[0] - reference[j])
-            _accelerations(angle + 0.5 * h * v2, v3, t3, inertia, phases, stiffness, damping, force, tables, a3)
+            _accelerations(
+                angle + 0.5 * h * v2, v3, t3, inertia, phases, stiffness, damping, force, coulomb, tables, a3
+            )
             v4 = speed + h * a3
             t4 = drive[j] - slip * (v4[0] - reference[j])
-            _accelerations(angle + h * v3, v4, t4, inertia, phases, stiffness, damping, force, tables, a4)
+            _accelerations(angle + h * v3, v4, t4, inertia, phases, stiffness, damping, force, coulomb, tables, a4)
             angle = angle + h / 6.0 * (speed + 2.0 * v2 + 2.0 * v3 + v4)
             speed = speed + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
     return angles, speeds, motors

@@ -133,6 +133,16 @@ class ShaftObserver:
         inertia[shaft.drive_station] += unknown if known is None else known * self._gear
         return inertia
 
+    def _static_twist(self) -> FloatArray:
+        """(stations,) twist per uniform acceleration under a torque of the drive, 0 at the encoder's station."""
+        shaft, inertia, stiffness = self.elastic.shaft, self._inertia, self.elastic.chain.stiffness
+        drive, twist = shaft.drive_station, np.zeros(self.elastic.stations)
+        for i in range(drive, stiffness.size):
+            twist[i + 1] = twist[i] - inertia[i + 1 :].sum() / stiffness[i]
+        for i in range(drive - 1, -1, -1):
+            twist[i] = twist[i + 1] - inertia[: i + 1].sum() / stiffness[i]
+        return twist - twist[shaft.encoder_station]
+
     def _first_mode(self) -> tuple[float, float]:
         """First natural frequency [rad/s] and damping ratio of the free chain with mean inertias."""
         chain, inertia = self.elastic.chain, self._full_inertia()
@@ -181,7 +191,9 @@ class ShaftObserver:
         self._second = second_encoder(
             elastic.chain, self._full_inertia(), shaft.encoder_station, second, self._second_period
         )
-        self._room = Room(self._inertia, np.zeros(elastic.stations), self._most_lead, np.zeros((4, 5)))
+        self._room = Room(
+            self._inertia, np.zeros(elastic.stations), self._most_lead, np.zeros((4, 5)), self._static_twist()
+        )
         self._observer: Any = records(OBSERVER)
         piece, sign = shaft.torque_piece
         beyond = self._inertia[piece + 1 :] if piece >= drive else self._inertia[: piece + 1]
@@ -200,6 +212,7 @@ class ShaftObserver:
             "second": -1.0 if second is None else second, "piece": piece, "sign": sign,
             "substep": scales.substep_s, "numeric": scales.numeric_error,
             "wait": _WAIT_PERIODS * 2.0 * math.pi / scales.first_mode_rad_s, "ring": ring,
+            "natural": scales.first_mode_rad_s, "decay": scales.damping_ratio * scales.first_mode_rad_s,
         }  # fmt: skip
         for name, value in values.items():
             self._observer[name] = value

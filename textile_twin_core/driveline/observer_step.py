@@ -1,8 +1,10 @@
 """Observer of an elastic shaft, compiled: one reading of the encoder after another.
 
 The chain turns freely under the drive torque. A bank of Kalman filters (`drive_bank`) corrects all stations alike and
-tracks the drive. Before the motion is known, at standstill and after a gap the chain instead stands statically twisted
-at the estimated motion of the encoder's station.
+tracks the drive. A corrected drive torque comes with its static twist, so no correction sets the shaft vibrating,
+whatever the bandwidth of the filters; the vibration that a true change of that size leaves counts in the torque's
+sigma. Before the motion is known, at standstill and after a gap the chain instead stands statically twisted at the
+estimated motion of the encoder's station.
 """
 
 from __future__ import annotations
@@ -15,7 +17,15 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import by_reference, compiled_in_place
 from textile_twin_core.driveline.chain import ShaftChain
-from textile_twin_core.driveline.drive_bank import DriveBank, begin_bank, covariance_of, predict, release, update
+from textile_twin_core.driveline.drive_bank import (
+    TORQUE,
+    DriveBank,
+    begin_bank,
+    covariance_of,
+    predict,
+    release,
+    update,
+)
 from textile_twin_core.driveline.runs import Outputs, observe, twist_statically
 from textile_twin_core.driveline.second_encoder import (
     SecondEncoder,
@@ -24,7 +34,7 @@ from textile_twin_core.driveline.second_encoder import (
     restart_second,
     take_second,
 )
-from textile_twin_core.driveline.step import ChainState, midpoint_step
+from textile_twin_core.driveline.step import ChainState, dry_friction, midpoint_step
 
 Record: TypeAlias = Any
 Records: TypeAlias = np.ndarray[Any, np.dtype[Any]]
@@ -41,7 +51,7 @@ _LEAST_DRIVE, _MOST_DRIVE = 0.02, 1e4
 """Bounds of an unknown drive's inertia, over that of all else."""
 _RETRY_SAMPLES, _NO_BETTER = 1000.0, 0.5
 """Learning begins again where so many samples have not brought the innovations' mean square down to this share."""
-_SURE = 0.25
+_SURE = 0.1
 """Sigma of the torque over its root mean square up to which a prediction counts as settled."""
 _NEW_STRETCH = 2.0
 _LOST_RAD = math.pi
@@ -49,8 +59,12 @@ _LOST_RAD = math.pi
 FIRST_DRIVE = 0.3
 """beta before the first reading, over its largest possible value: a drive 2.3 times as heavy as all else."""
 LEAD = 1.0 / 6.0
-_CHECK_SAMPLES, _FALLING = 250.0, 0.7
-"""Samples between two looks at the scale of the noise, and factor below which it is falling: still learning."""
+_CHECK_SAMPLES, _FALLING, _MISFIT = 250.0, 0.7, 4.0
+"""Samples between two looks at the scale of the noise, factor below which it is falling: still learning, and scale from
+which the chain with the estimated drive does not explain the readings."""
+
+_ONE_SPEED = 0.03
+"""Change of the mean speed of a turn with which an unknown drive is estimated again: its reference has changed, too."""
 
 OBSERVER = np.dtype(
     [
@@ -60,6 +74,9 @@ OBSERVER = np.dtype(
             "d", "lam", "beta",  # the drive, see `drive_bank`
             "learning", "since_begin", "since_release",  # 1 once the drive is estimated; times [s]
             "early", "early_count", "recent", "tried",  # mean squares of innovations before learning, and of late
+            "natural", "decay",  # first mode [rad/s] and its decay [1/s]
+            "swing", "swing_rate",  # vibration of the torque if corrections were events, its rate over `natural` [N m]
+            "turn_begin", "turn_time", "turn_speed",  # of the present turn [rad, s]; mean speed of the first [rad/s]
             "checked", "scale", "converged",  # samples since the last look, scale then; 1 once it has stopped falling
             "load", "load_at", "load_slope",  # torque of all but the drive [N m], at an angle [rad]; its slope
             "interval", "still", "torque_square",
@@ -124,6 +141,8 @@ class Room(NamedTuple):
     """(pieces,) bound of `lead` times the substep squared [s^2]"""
     gradient: FloatArray
     """(4, 5) gradients by x of angle, speed, acceleration and torque"""
+    twist: FloatArray
+    """(stations,) static twist of a uniform acceleration, 0 at the encoder's station [rad s^2/rad]"""
 
 
 @compiled_in_place
@@ -177,10 +196,10 @@ def _take(
             twist_variance = _take_second(chain, o, second, r, j, out)
     else:
         restart_second(second)
-        o.theta, o.omega = r.angle[j], r.speed[j]
+        o.theta, o.omega = r.angle[j], r.speed[j] if sense else 0.0
         _twist(chain, state, o, room, r.acceleration[j])
         observe(chain, state, o.theta, o.omega, r.acceleration[j], int(o.drive), room.torque, j, out)
-    _report(chain, state, bank, o, room, r, j, row, out, twist_variance)
+    _report(chain, state, bank, o, room, r, j, row, out, twist_variance, sense)
     if o.mode == FOLLOWING and sense and r.settled[j] > 0.5:
         _begin(bank, o, room, r, j)
 
@@ -233,6 +252,7 @@ def _set_drive(chain: ShaftChain, o: Record, room: Room) -> None:
         o.beta = min(max(o.beta, least), most)
     if o.known_slip > 0.0:
         o.lam = o.beta * o.slip
+    o.lam = max(o.lam, 0.0)
     chain.inertia[drive] = o.drive_disc + 1.0 / o.beta - o.others
     chain.viscous[drive] = o.drive_ground + o.lam / o.beta
     room.torque[drive] = o.d / o.beta
@@ -244,12 +264,13 @@ def _begin(bank: DriveBank, o: Record, room: Room, r: ShaftReadings, j: int) -> 
     o.mode, o.since_begin, o.still = OBSERVING, 0.0, 0.0
     o.d = room.torque[int(o.drive)] * o.beta
     o.load_at, o.load_slope, o.load = r.angle[j], 0.0, math.nan
+    o.swing = o.swing_rate = 0.0
     noise = r.variance[j] / max(o.interval, 1e-9) ** 4
     torque = r.covariance[j, 8] + r.speed[j] ** 4 + noise
     begin_bank(bank, r.covariance[j, 0] + r.variance[j], r.covariance[j, 4] + r.variance[j] / o.interval**2, torque)
     if o.learning == 0.0:
         o.early = o.early_count = 0.0
-    o.recent, o.tried = 0.0, 0.0
+    o.recent, o.tried, o.turn_begin, o.turn_time = 0.0, 0.0, o.load_at, 0.0
 
 
 @compiled_in_place
@@ -280,7 +301,9 @@ def _advance(
     load = (o.d - o.lam * speed - alpha) * inertia
     angle = o.theta + state.psi[encoder]
     turned = angle - o.load_at
-    o.load_slope = (load - o.load) / turned if abs(turned) > _LEAST_TURN and not math.isnan(o.load) else 0.0
+    friction, _ = _open_friction(chain, state, o, room, True)
+    sloping = abs(turned) > _LEAST_TURN and friction == 0.0 and not math.isnan(o.load)
+    o.load_slope = (load - o.load) / turned if sloping else 0.0
     o.load, o.load_at = load, angle
     rate = o.lam + o.beta * o.ground
     decay = math.exp(-rate * dt)
@@ -292,9 +315,15 @@ def _advance(
     step[1, 0] = slopes[0] * first
     for i in range(2, 5):
         step[0, i], step[1, i] = slopes[i] * second, slopes[i] * first
+    for m in range(bank.memory.size):
+        bank.covariance[m, TORQUE, TORQUE] += (o.beta * friction) ** 2 / _STILL_SAMPLES
     predict(bank, dt, o.interval, r.variance[j], o.learning)
     o.since_begin += dt
     o.since_release += dt
+    left, cosine, sine = math.exp(-o.decay * dt), math.cos(o.natural * dt), math.sin(o.natural * dt)
+    swing = o.swing
+    o.swing = left * (cosine * swing + sine * o.swing_rate)
+    o.swing_rate = left * (cosine * o.swing_rate - sine * swing)
     if r.used[j] > 0.0:
         off = r.reading[j] - angle
         update(bank, off, r.variance[j])
@@ -304,7 +333,13 @@ def _advance(
         o.d += bank.mean[2]
         o.lam += bank.mean[3]
         o.beta += bank.mean[4]
-        _learn(bank, o, off, r.variance[j])
+        faster = 0.0
+        for i in range(1, 5):
+            faster += slopes[i] * bank.mean[i]
+        for i in range(n):
+            state.psi[i] += faster * room.twist[i]
+        o.swing -= o.side * faster
+        _learn(bank, o, off, r.variance[j], dt)
 
 
 @compiled_in_place
@@ -325,11 +360,26 @@ def _set_gradient(o: Record, room: Room, speed: float, rate: float) -> None:
 
 
 @compiled_in_place
-def _learn(bank: DriveBank, o: Record, off: float, variance: float) -> None:
+def _speed_changed(o: Record, dt: float) -> bool:
+    """Return true where a turn ends whose mean speed is not that of the first one."""
+    o.turn_time += dt
+    turned = abs(o.load_at - o.turn_begin)
+    if turned < 2.0 * math.pi:
+        return False
+    speed, first = turned / o.turn_time, o.turn_speed
+    changed = abs(speed - first) > _ONE_SPEED * first
+    o.turn_begin, o.turn_time = o.load_at, 0.0
+    o.turn_speed = speed if changed else first
+    return changed and first > 0.0
+
+
+@compiled_in_place
+def _learn(bank: DriveBank, o: Record, off: float, variance: float, dt: float) -> None:
     """Begin to estimate an unknown drive once the chain swings as it does, and again where that did not succeed."""
     if bank.prior[0] == 0.0 and bank.prior[1] == 0.0:
         return
     spread = o.interval**-4 * variance + o.omega**4 + (bank.prior[0] * o.omega) ** 2
+    changed = _speed_changed(o, dt)
     if o.learning == 0.0:
         o.early += off * off
         o.early_count += 1.0
@@ -339,13 +389,16 @@ def _learn(bank: DriveBank, o: Record, off: float, variance: float) -> None:
             o.learning, o.since_release, o.tried, o.recent = 1.0, 0.0, 0.0, o.early
             o.checked, o.scale, o.converged = 0.0, math.inf, 0.0
         return
+    if changed:
+        release(bank, spread, 1.0)
+        o.since_release, o.converged, o.scale, o.checked = 0.0, 0.0, math.inf, 0.0
     o.tried += 1.0
     o.checked += 1.0
     if o.checked >= _CHECK_SAMPLES:
         scale = 0.0
         for m in range(bank.memory.size):
             scale += bank.probability[m] * bank.scale[m]
-        o.converged = 1.0 if scale > _FALLING * o.scale else 0.0
+        o.converged = 1.0 if _FALLING * o.scale < scale < _MISFIT else 0.0
         o.scale, o.checked = scale, 0.0
     o.recent += (off * off - o.recent) / _INTERVAL_SAMPLES
     if o.tried >= _RETRY_SAMPLES:
@@ -354,6 +407,22 @@ def _learn(bank: DriveBank, o: Record, off: float, variance: float) -> None:
             o.beta = FIRST_DRIVE / o.others if o.known_inertia == 0.0 else o.beta
             o.early, o.since_release, o.converged, o.scale = o.recent, 0.0, 0.0, math.inf
         o.tried = 0.0
+
+
+@compiled_in_place
+def _open_friction(chain: ShaftChain, state: ChainState, o: Record, room: Room, sense: bool) -> tuple[float, float]:
+    """Dry friction between whose two bounds the motion leaves open: of all stations, and beyond the sensor [N m].
+
+    That of stations without a known sense of rotation, and of those too slow for the time step (see `hung`).
+    """
+    piece, total, beyond = int(o.piece), 0.0, 0.0
+    far = piece >= int(o.drive)
+    for i in range(room.inertia.size):
+        if not sense or abs(o.omega + state.speed[i]) * room.inertia[i] < 0.5 * o.substep * chain.friction_Nm:
+            own = dry_friction(chain, state.load, i, o.theta + state.psi[i])
+            total += own
+            beyond += own if (i > piece) == far else 0.0
+    return total, beyond
 
 
 @compiled_in_place
@@ -368,19 +437,21 @@ def _report(
     row: Record,
     out: Outputs,
     twist_variance: float,
+    sense: bool,
 ) -> None:
     """The encoder's station, covariances and the torque's sigma."""
-    encoder = int(o.encoder)
+    _, friction = _open_friction(chain, state, o, room, sense)
+    encoder, torque = int(o.encoder), out.pieces[j, int(o.piece)]
     row.angle = o.theta + out.psi[j, encoder]
     row.speed, row.acceleration = out.omega[j, encoder], out.alpha[j, encoder]
     if o.mode == FOLLOWING:
         row.acceleration = r.acceleration[j]
         for k in range(9):
             row.covariance[k] = r.covariance[j, k]
-        row.sigma = o.side * math.sqrt(max(r.covariance[j, 8], 0.0))
-        row.settled = 1.0 if r.settled[j] > 0.5 and o.still > _STILL_SAMPLES else 0.0
+        row.sigma = math.sqrt(o.side**2 * max(r.covariance[j, 8], 0.0) + friction**2)
+        sure = row.sigma <= _SURE * max(math.sqrt(o.torque_square), abs(torque))
+        row.settled = 1.0 if r.settled[j] > 0.5 and o.still > _STILL_SAMPLES and sure else 0.0
         return
-    torque = out.pieces[j, int(o.piece)]
     o.torque_square += (torque * torque - o.torque_square) / min(_INTERVAL_SAMPLES, 1.0 + o.since_begin / o.interval)
     gradient = room.gradient
     for i in range(3):
@@ -388,6 +459,7 @@ def _report(
             covariance = covariance_of(bank, gradient[i], gradient[k])
             row.covariance[3 * i + k] = row.covariance[3 * k + i] = covariance
     variance = covariance_of(bank, gradient[3], gradient[3]) + o.numeric**2 * o.torque_square + twist_variance
+    variance += friction**2 + o.swing**2 + o.swing_rate**2
     row.sigma = math.sqrt(max(variance, 0.0))
     learned = (bank.prior[0] == 0.0 and bank.prior[1] == 0.0) or (o.converged > 0.0 and o.since_release > o.ring)
     sure = row.sigma <= _SURE * math.sqrt(o.torque_square)

@@ -159,19 +159,20 @@ def hung(
     """
     inertia, resisting, drag = 0.0, 0.0, 0.0
     for k in range(chain.first[station], chain.first[station + 1]):
+        row, u = place(chain, chain.profile[k], angle + chain.phase[k])
+        inertia += function(chain, row, 0, u)
+        resisting += function(chain, row, 1, u) * omega * omega + function(chain, row, 2, u)
+    if load.size == 0:
+        return inertia, resisting, drag
+    way = h * omega
+    # near standstill both directions, blended in proportion to the speed: dry friction cannot overshoot
+    mass, width = inertia + chain.inertia[station], chain.slow_rad_s
+    if 0.5 * h * chain.friction_Nm > width * mass:
+        width = 0.5 * h * chain.friction_Nm / mass if abs(omega) * mass < 0.5 * h * chain.friction_Nm else 0.0
+    blended = abs(omega) < width
+    for k in range(chain.first[station], chain.first[station + 1]):
         profile, phase = chain.profile[k], chain.phase[k]
         row, u = place(chain, profile, angle + phase)
-        own = function(chain, row, 0, u)
-        inertia += own
-        resisting += function(chain, row, 1, u) * omega * omega + function(chain, row, 2, u)
-        if load.size == 0:
-            continue
-        way = h * omega
-        # near standstill both directions, blended in proportion to the speed: dry friction cannot overshoot
-        mass, width = own + chain.inertia[station], chain.slow_rad_s
-        if 0.5 * h * chain.friction_Nm > width * mass:
-            width = 0.5 * h * chain.friction_Nm / mass if abs(omega) * mass < 0.5 * h * chain.friction_Nm else 0.0
-        blended = abs(omega) < width
         for direction in range(2):
             if not blended and (omega > 0.0) == (direction == 1):
                 continue
@@ -191,6 +192,21 @@ def hung(
                 else:
                     resisting -= share * value * omega * omega
     return inertia, resisting, drag
+
+
+@compiled_in_place
+def dry_friction(chain: ShaftChain, load: FloatArray, station: int, angle: float) -> float:
+    """Half the difference of a station's load torques between the two directions, at speed 0 [N m]."""
+    result = 0.0
+    for k in range(chain.first[station], chain.first[station + 1] if load.size else chain.first[station]):
+        profile, phase = chain.profile[k], chain.phase[k]
+        row, u = place(chain, profile, angle + phase)
+        for direction in range(2):
+            add_coefficients(chain, load, profile, angle + phase, 0.0, direction)
+            for j in range(load.size):
+                if chain.powers[profile, j] == 0:
+                    result += (direction - 0.5) * load[j] * function(chain, row, 3 + j, u)
+    return abs(result)
 
 
 @partial(compiled_in_place, inlined=True)
