@@ -420,3 +420,15 @@ def test_angles_and_speeds_that_disagree_over_the_times_are_reported(
     said = capsys.readouterr().err
     asked = "are these degrees?" in said or "is one in degrees, rpm or ms? They are taken as named" in said
     assert asked == ((theta, omega, time) != (1.0, 1.0, 1.0)), said
+
+
+@pytest.mark.filterwarnings("error")
+def test_characters_that_the_font_of_pictures_lacks_are_named_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    machine = tmp_path / "machine.yaml"
+    machine.write_text("machine: tufting\nname: 簇绒机\n", encoding="utf-8")
+    outs = ["--out", str(tmp_path / "s.csv"), "--png", str(tmp_path / "s.png")]
+    assert main(["simulate", str(machine), "--rpm", "160", "--samples", "36", *outs]) == 0
+    assert capsys.readouterr().err == "textile-twin: the font of pictures has no 簇 绒 机: drawn as boxes\n"
+    assert (tmp_path / "s.png").stat().st_size > 20_000

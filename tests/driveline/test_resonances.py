@@ -170,6 +170,16 @@ def test_the_command_says_prints_and_draws(tmp_path: Path, capsys: pytest.Captur
     assert (tmp_path / "r.png").stat().st_size > 20_000
 
 
+def test_modes_without_damping_print_no_negative_zero(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "wide.yaml"
+    path.write_text(
+        "machine: tufting\nshaft: {diameter_m: 0.06, length_m: 4, stations: 16, drive: {inertia_kgm2: 1.0}}\n"
+    )
+    assert main(["resonances", str(path)]) == 0
+    printed = capsys.readouterr().out
+    assert "0.00%" in printed and "-0.00" not in printed
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -3,23 +3,31 @@
 from __future__ import annotations
 
 import ctypes.util
+import shutil
 import socket
 import subprocess
 import sys
 import time
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 import pytest
+import rerun as rr
+import rerun.blueprint as rrb
 from PIL import Image
 
+import textile_twin_core as ttc
 from tests.views.conftest import Run
 from tests.views.test_live import PATIENCE_S, feed, free_port
+from textile_twin_core.cli.main import main
 from textile_twin_core.errors import RecordingError, TwinError
 from textile_twin_core.views import LiveView, open_viewer, palette, screenshot, screenshots, write_comparison_recording
-from textile_twin_core.views.viewer import ask_repeatedly
+from textile_twin_core.views.drawable import drawable, drawable_machine
+from textile_twin_core.views.rrd_file import written
+from textile_twin_core.views.viewer import _reason, ask_repeatedly
 
 Pixels = npt.NDArray[np.int64]
 
@@ -114,6 +122,40 @@ def test_a_viewer_that_ends_is_one_line(run: Run, tmp_path: Path, monkeypatch: p
     recording = write_comparison_recording(tmp_path / "run.rrd", run.comparison, run.machine, title="a test")
     with pytest.raises(TwinError, match=r"the viewer ended with code \d+; it needs a graphics driver \(Vulkan\)"):
         screenshot(recording, tmp_path / "run.png")
+
+
+@pytest.mark.slow
+@needs_vulkan
+def test_names_that_the_viewers_font_lacks_are_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A Chinese machine and folder, and a character that the file itself holds."""
+    machine = tmp_path / "machine.yaml"
+    machine.write_text("machine: tufting\nname: 簇绒机\n", encoding="utf-8")
+    bag = shutil.copytree("bags/tufting_160rpm_synthetic", tmp_path / "رقم 한")
+    assert main(["view", str(bag), "--machine", str(machine), "--png", str(tmp_path / "v.png")]) == 0
+    assert "drawn as U7C07 U7ED2 U673A" in capsys.readouterr().err
+    assert Image.open(tmp_path / "v.png").size == (1920, 1080)
+    recording = tmp_path / "rec.rrd"
+    stream = rr.RecordingStream("textile-twin")
+    with written(stream, recording, rrb.Blueprint(rrb.TextDocumentView(origin="/text"))):
+        stream.log("text", rr.TextDocument("織機"), static=True)
+    with pytest.raises(TwinError, match=r"its font has no character .織. \(U\+7E54\)") as error:
+        screenshot(recording, tmp_path / "rec.png")
+    assert "driver" not in str(error.value)
+
+
+def test_only_a_missing_driver_is_blamed_on_the_driver() -> None:
+    assert "Vulkan" in _reason(["Error: no suitable graphics adapter found"], failed=True)
+    assert "Vulkan" not in _reason(["thread 'main' panicked at: out of memory"], failed=True)
+
+
+def test_names_are_drawn_by_their_numbers_and_stay_different() -> None:
+    assert drawable("Größe α → ж 1.2 N·m") == "Größe α U2192 ж 1.2 N·m"
+    machine = ttc.load_machine("examples/six_bar_loom.yaml")
+    assert drawable_machine(machine) == (machine, "")
+    named, replaced = drawable_machine(replace(machine, name="織機", description="a loom"))
+    assert (named.name, replaced) == ("U7E54U6A5F", "織機") and replace(
+        named, name=machine.name
+    ).groups == machine.groups
 
 
 def test_a_viewer_whose_transport_fails_for_a_moment_is_asked_again() -> None:

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import sys
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from importlib import import_module
 from importlib.metadata import version
+from typing import Any
 
 from textile_twin_core.cli.mistakes import BeyondLimitError, nearest, tell
 from textile_twin_core.errors import TwinError, how_to_install
@@ -45,6 +49,7 @@ _MODULES = {"import": "import_log"}
 
 _ALSO = {"explore": ("files", "design")}
 """Further extras that a command needs beside that of the first missing package."""
+_GLYPH = re.compile(r"Glyph (\d+) .*missing from")
 _TRACE = "TEXTILE_TWIN_TRACEBACK"
 
 
@@ -124,8 +129,30 @@ def _run(given: list[str]) -> int:
     if name not in COMMANDS:
         raise TwinError(f"no command '{name}'; {nearest(name, COMMANDS)}")
     command = import_module(module_of(name))
-    command.run(command.parser().parse_args(given[1:]))
+    with _missing_glyphs_told():
+        command.run(command.parser().parse_args(given[1:]))
     return 0
+
+
+@contextmanager
+def _missing_glyphs_told() -> Iterator[None]:
+    """Report the characters that the font of a picture lacks in one line, instead of matplotlib's warnings."""
+    missing: dict[str, None] = {}
+    with warnings.catch_warnings():
+        show = warnings.showwarning
+
+        def collect(message: Warning | str, *where: Any) -> None:
+            found = _GLYPH.match(str(message))
+            if found is None:
+                show(message, *where)
+            else:
+                missing[chr(int(found[1]))] = None
+
+        warnings.filterwarnings("always", _GLYPH.pattern)
+        warnings.showwarning = collect
+        yield
+    if missing:
+        tell(f"the font of pictures has no {' '.join(missing)}: drawn as boxes")
 
 
 def _say(text: str, code: int) -> int:

@@ -76,8 +76,9 @@ def _print(found: Resonances) -> None:
     print(f"{'mode':>4}  {'undamped':>11}  {'damped':>11}  {'damping':>8}  undamped over the turn")
     for number, mode in enumerate(found.modes[:_SHOWN_MODES], start=1):
         damped = f"{mode.damped_Hz:8.2f} Hz" if mode.damped_Hz else "overdamped"
+        damping = round(mode.damping_ratio, 4) + 0.0  # without the sign of a rounded zero
         print(
-            f"{number:4}  {mode.undamped_Hz:8.2f} Hz  {damped:>11}  {mode.damping_ratio:8.2%}"
+            f"{number:4}  {mode.undamped_Hz:8.2f} Hz  {damped:>11}  {damping:8.2%}"
             f"  {mode.lowest_Hz:.2f} to {mode.highest_Hz:.2f} Hz"
         )
     hidden = len(found.modes) - _SHOWN_MODES

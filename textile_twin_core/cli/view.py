@@ -8,12 +8,13 @@ from pathlib import Path
 
 from textile_twin_core.cli.arguments import Parser, add_machine, add_recording, number
 from textile_twin_core.cli.drawn import write_drawn
-from textile_twin_core.cli.mistakes import UsageError
+from textile_twin_core.cli.mistakes import UsageError, tell
 from textile_twin_core.cli.named_machine import is_machine, load_machine
 from textile_twin_core.cli.outputs import check_output
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 from textile_twin_core.errors import TwinError
 from textile_twin_core.files import staged
+from textile_twin_core.views.drawable import drawable, drawable_machine
 
 
 def parser() -> Parser:
@@ -53,9 +54,11 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.machine is None:
         raise UsageError("--machine is missing: a recording is shown beside the prediction for its machine")
 
-    machine = with_sensors(load_machine(arguments.machine, arguments.set), arguments)
+    machine, replaced = drawable_machine(with_sensors(load_machine(arguments.machine, arguments.set), arguments))
+    if replaced:
+        tell(f"the viewer's font has no {' '.join(replaced)}: drawn as {' '.join(map(drawable, replaced))}")
     with tempfile.TemporaryDirectory(prefix="textile-twin-") as folder:
-        recording = Path(folder) / f"{arguments.bag.stem}.rrd"
+        recording = Path(folder) / f"{drawable(arguments.bag.stem)}.rrd"
         write_drawn(recording, arguments, machine)
         _show(arguments, recording)
 
@@ -66,7 +69,7 @@ def _show_machine(arguments: argparse.Namespace) -> None:
 
     machine = load_machine(str(arguments.bag), arguments.set)
     with tempfile.TemporaryDirectory(prefix="textile-twin-") as folder:
-        picture, recording = Path(folder) / "machine.png", Path(folder) / f"{machine.name}.rrd"
+        picture, recording = Path(folder) / "machine.png", Path(folder) / f"{drawable(machine.name)}.rrd"
         write_picture(recording, plot_machine(picture, machine, at_deg=arguments.at), title=machine.name)
         arguments.at = None  # a shaft angle here, not a time
         _show(arguments, recording)
@@ -80,4 +83,4 @@ def _show(arguments: argparse.Namespace, recording: Path) -> None:
             screenshot(recording, partial, time_s=arguments.at)
         return
     if code := open_viewer(recording).wait():
-        raise TwinError(f"the viewer ended with code {code}; it needs a screen and a graphics driver")
+        raise TwinError(f"the viewer ended with code {code}: see its lines above; it needs a screen")

@@ -13,6 +13,7 @@ import rerun as rr
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.twin.predictor import StampedEvent
 from textile_twin_core.views.buffer import Block
+from textile_twin_core.views.drawable import drawable
 from textile_twin_core.views.elements import ElementDrawing
 from textile_twin_core.views.live_recording import LiveRecording
 from textile_twin_core.views.rrd_file import written
@@ -103,11 +104,11 @@ def write_element_recording(
     Raises:
         RecordingError: The file cannot be written there.
     """
-    stream = rr.RecordingStream("textile-twin", recording_id=f"{machine.name}-{int(stamps_ns[0])}")
+    stream = rr.RecordingStream("textile-twin", recording_id=f"{drawable(machine.name)}-{int(stamps_ns[0])}")
     drawing = ElementDrawing(machine, stream, _RECORDED_FRAMES_HZ)
     time = (stamps_ns - stamps_ns[0]) * 1e-9
     with written(stream, path, drawing.blueprint(min(_shown_s(machine), float(time[-1])))):
-        stream.send_recording_name(title)
+        stream.send_recording_name(drawable(title))
         drawing.prepare()
         drawing.happened(_timed(events, int(stamps_ns[0])))
         for first in range(0, time.size, _BLOCK):

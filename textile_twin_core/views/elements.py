@@ -14,6 +14,7 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.contact import ContactEvent
 from textile_twin_core.views import palette
 from textile_twin_core.views.contact_events import ContactDrawing
+from textile_twin_core.views.drawable import drawable
 from textile_twin_core.views.layout import TIMELINE, over_time, page, time_axis
 from textile_twin_core.views.recording_writer import Frames, at_times, scalars
 
@@ -58,7 +59,7 @@ class ElementDrawing:
             y_range=(-0.3 * stroke, rows * _PITCH * stroke + 0.15 * stroke),
         )
         blocks = rrb.Spatial2DView(
-            name=f"Machine: {self._machine.name}",
+            name=f"Machine: {drawable(self._machine.name)}",
             origin="elements",
             background=palette.BACKGROUND,
             visual_bounds=bounds,
@@ -133,7 +134,7 @@ class ElementDrawing:
             self._sum_up(together[-1][0])
 
     def _sum_up(self, now_s: float) -> None:
-        text = "\n".join([f"### {self._machine.name}", "", *self._contacts.summary()])
+        text = "\n".join([f"### {drawable(self._machine.name)}", "", *self._contacts.summary()])
         self._stream.set_time(TIMELINE, duration=now_s)
         self._stream.log("summary", rr.TextDocument(text, media_type="text/markdown"))
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.views.buffer import Block
+from textile_twin_core.views.drawable import drawable
 from textile_twin_core.views.live_drawing import LiveDrawing
 from textile_twin_core.views.live_recording import LiveRecording
 
@@ -55,7 +56,7 @@ class LiveView(LiveRecording):
         self.tells_torque = machine.tells_torque
         super().__init__(("motion", "stations", "predicted", "measured", "residual"), flush_s, buffer_samples)
         turn_s = 2.0 * np.pi / machine.nominal_speed_rad_s
-        title = f"{machine.name}, live"
+        title = f"{drawable(machine.name)}, live"
         self._drawing = LiveDrawing(
             machine, self._stream, limit_Nm, frames_hz, title=title, turn_s=turn_s, memory_s=_MEMORY_S
         )

@@ -12,6 +12,7 @@ from textile_twin_core.machine.sizes import LARGEST
 from textile_twin_core.views import static_scene
 from textile_twin_core.views.angle_canvas import RESIDUAL_SIZE, TORQUE_SIZE, AngleCanvas, canvas_for
 from textile_twin_core.views.buffer import Block
+from textile_twin_core.views.drawable import drawable
 from textile_twin_core.views.latest import Extremes, Latest, Residuals
 from textile_twin_core.views.layout import Layout
 from textile_twin_core.views.motion_drawing import HISTORY_S, MotionDrawing
@@ -84,7 +85,7 @@ class LiveDrawing:
     def layout(self) -> Layout:
         """Layout of the views in their present state."""
         return Layout(
-            machine=self._machine.name,
+            machine=drawable(self._machine.name),
             scene=self._writer.scene,
             travel=self._motion.canvas,
             measures=self._motion.curves.names,

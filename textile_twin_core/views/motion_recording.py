@@ -9,6 +9,7 @@ import numpy as np
 import rerun as rr
 
 from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.views.drawable import drawable
 from textile_twin_core.views.live_drawing import LiveDrawing
 from textile_twin_core.views.recording_writer import gap_times, turn_s
 from textile_twin_core.views.rrd_file import written
@@ -48,7 +49,7 @@ def write_motion_recording(
     Raises:
         RecordingError: The file cannot be written there.
     """
-    stream = rr.RecordingStream("textile-twin", recording_id=f"{machine.name}-{int(stamps_ns[0])}")
+    stream = rr.RecordingStream("textile-twin", recording_id=f"{drawable(machine.name)}-{int(stamps_ns[0])}")
     time = np.asarray((stamps_ns - stamps_ns[0]) * 1e-9)
     turn = turn_s(time, theta_rad)
     window = (_TURNS_BEFORE * turn, _TURNS_AFTER * turn)
@@ -57,7 +58,7 @@ def write_motion_recording(
         machine, stream, None, _FRAMES_HZ, title=title, window_s=window, turn_s=turn, unwrapped=True, twist_rad=twist
     )
     with written(stream, path, drawing.layout.blueprint()):
-        stream.send_recording_name(title)
+        stream.send_recording_name(drawable(title))
         drawing.prepare()
         for first in range(0, time.size, _BLOCK):
             part = slice(first, first + _BLOCK)

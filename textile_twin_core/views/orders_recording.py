@@ -12,6 +12,7 @@ import rerun.blueprint as rrb
 
 from textile_twin_core.comparison.orders import OrderMap
 from textile_twin_core.views import palette
+from textile_twin_core.views.drawable import drawable
 from textile_twin_core.views.layout import page
 from textile_twin_core.views.rrd_file import written
 
@@ -30,7 +31,7 @@ def write_orders_recording(path: str | os.PathLike[str], maps: Mapping[str, Orde
     Raises:
         RecordingError: The file cannot be written there.
     """
-    stream = rr.RecordingStream("textile-twin", recording_id=f"orders-{title}")
+    stream = rr.RecordingStream("textile-twin", recording_id=f"orders-{drawable(title)}")
     rows: list[rrb.View | rrb.Container] = [
         _row(f"signal_{k}", name, found) for k, (name, found) in enumerate(maps.items())
     ]
@@ -43,7 +44,7 @@ def write_orders_recording(path: str | os.PathLike[str], maps: Mapping[str, Orde
         )
     )
     with written(stream, path, page(rrb.Vertical(*rows, row_shares=[3.0] * len(maps) + [1.2]))):
-        stream.send_recording_name(title)
+        stream.send_recording_name(drawable(title))
         for k, found in enumerate(maps.values()):
             _log(stream, f"signal_{k}", found)
         first = next(iter(maps.values()))

@@ -14,6 +14,7 @@ from textile_twin_core.comparison import Comparison, summary_rows, verdict_lines
 from textile_twin_core.files.atomic import staged
 from textile_twin_core.views import static_scene
 from textile_twin_core.views.angle_canvas import RESIDUAL_SIZE, TORQUE_SIZE, AngleCanvas, canvas_for
+from textile_twin_core.views.drawable import drawable
 from textile_twin_core.views.layout import Layout
 from textile_twin_core.views.measure_curves import marks_for, phase_rows_for
 from textile_twin_core.views.phases import Direction, inside_backing, state_changes
@@ -84,7 +85,7 @@ def _write(
     torque_canvas, residual_canvas = _canvases(comparison)
     period = turn_s(predicted_s, theta)
     layout = Layout(
-        machine=machine.name,
+        machine=drawable(machine.name),
         scene=scene,
         travel=None,
         measures=(),
@@ -99,10 +100,10 @@ def _write(
         width=width,
     )
 
-    stream = rr.RecordingStream(APPLICATION, recording_id=f"{machine.name}-{origin}")
+    stream = rr.RecordingStream(APPLICATION, recording_id=f"{drawable(machine.name)}-{origin}")
     with written(stream, path, layout.blueprint()):
         writer = RecordingWriter(stream, scene, torque_canvas, residual_canvas)
-        stream.send_recording_name(title)
+        stream.send_recording_name(drawable(title))
         static_scene.draw_machine(stream, scene, names=width is None)
         if width is not None:
             width.prepare(stream)

@@ -14,6 +14,7 @@ from textile_twin_core.comparison import AngleBins
 from textile_twin_core.comparison.alignment import GAP_PERIODS
 from textile_twin_core.views import palette
 from textile_twin_core.views.angle_canvas import AngleCanvas, line_ends, split_turns
+from textile_twin_core.views.drawable import drawable
 from textile_twin_core.views.layout import TIMELINE
 from textile_twin_core.views.phases import StateChanges
 from textile_twin_core.views.scene import MachineScene, poses
@@ -115,7 +116,7 @@ class RecordingWriter:
 
     def summary(self, markdown: str, time_s: float | None = None) -> None:
         """Write the summary of the run; `time_s` as in `residual_by_angle`."""
-        self._log_at(time_s, "summary", rr.TextDocument(markdown, media_type="text/markdown"))
+        self._log_at(time_s, "summary", rr.TextDocument(drawable(markdown), media_type="text/markdown"))
 
     def residual_by_angle(self, bins: AngleBins, time_s: float | None = None) -> None:
         """Write mean, spread (one standard deviation) and extremes of the residual over the shaft angle.
@@ -207,7 +208,7 @@ def scalars(stream: rr.RecordingStream, entity: str, time_s: FloatArray, values:
 def say(stream: rr.RecordingStream, time_s: float, level: str, text: str) -> None:
     """Write a line into the list of events; level: INFO, WARN or ERROR."""
     stream.set_time(TIMELINE, duration=float(time_s))
-    stream.log("events", rr.TextLog(f"{time_s:7.2f} s  {text}", level=level))
+    stream.log("events", rr.TextLog(f"{time_s:7.2f} s  {drawable(text)}", level=level))
 
 
 def at_times(time_s: FloatArray) -> list[rr.TimeColumn]:

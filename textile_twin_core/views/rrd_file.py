@@ -16,6 +16,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from textile_twin_core.errors import RecordingError
+from textile_twin_core.views.drawable import drawable
 
 _PIPES = Path("/dev/fd")
 """Directory that names open pipes; without it the viewer writes the file directly."""
@@ -122,6 +123,7 @@ def write_picture(path: Path, picture: Path, *, title: str) -> Path:
     Raises:
         RecordingError: The file cannot be written there.
     """
+    title = drawable(title)
     stream = rr.RecordingStream("textile-twin", recording_id=title)
     layout = rrb.Blueprint(rrb.Spatial2DView(origin="/", name=title), collapse_panels=True)
     with written(stream, path, layout):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -17,9 +18,12 @@ from typing import TypeVar
 from rerun.experimental import ViewerClient
 
 from textile_twin_core.errors import TwinError, how_to_install
+from textile_twin_core.views.drawable import drawable, undrawable
 from textile_twin_core.views.rrd_file import check_whole
 
 _NEEDS = "it needs a graphics driver (Vulkan), such as the package mesa-vulkan-drivers"
+_DRIVER = re.compile("adapter|wgpu|vulkan|graphics", re.IGNORECASE)
+_NO_GLYPH = re.compile(r'No glyph for ("." \(U\+[0-9A-F]+\))')
 _BUSY = "try again when the computer has less to do"
 _T = TypeVar("_T")
 _START_S = 60.0
@@ -86,6 +90,10 @@ def screenshots(
     command = [str(_program()), "--headless", "--bind", "127.0.0.1", "--port", str(port), "--hide-welcome-screen"]
     command += ["--window-size", f"{size[0]}x{size[1]}"]
     with tempfile.TemporaryDirectory(prefix="viewer-") as home, tempfile.TemporaryFile() as log:
+        if undrawable(Path(address).name):  # the viewer shows the file's name
+            shown = Path(home) / drawable(Path(address).name)
+            shown.symlink_to(address)
+            address = str(shown)
         # A private home without stored settings, so that the picture shows the recorded layout.
         place = {**os.environ, "HOME": home, "XDG_CONFIG_HOME": home, "XDG_CACHE_HOME": home, "XDG_DATA_HOME": home}
         # A process group of its own, since the program is a launcher and the viewer its child.
@@ -98,14 +106,23 @@ def screenshots(
             log.seek(0)
             said = log.read().decode(errors="replace").strip().splitlines()
             failed = (viewer.poll() or 0) > 0  # otherwise its last line only reports a closed connection
-            last = [line for line in said if "panicked" in line] or (said[-1:] if failed else [])
-            raise TwinError(f"{source}: {error}{f' ({last[0]})' if last else ''}") from error
+            raise TwinError(f"{source}: {error}{_reason(said, failed)}") from error
         finally:
             _end(viewer)
     targets = [Path(target) for _, target in pictures]
     for target, image in zip(targets, images, strict=True):
         target.write_bytes(image)
     return targets
+
+
+def _reason(said: Sequence[str], failed: bool) -> str:
+    """Explain from the viewer's log why it ended."""
+    missing = next((found for line in said if (found := _NO_GLYPH.search(line))), None)
+    if missing is not None:
+        return f": its font has no character {missing[1]}; rename what bears it, a machine, a measure or a signal"
+    last = [line for line in said if "panicked" in line] or (said[-1:] if failed else [])
+    driver = f"; {_NEEDS}" if any(_DRIVER.search(line) for line in said) else ""
+    return f"{driver}{f' ({last[0]})' if last else ''}"
 
 
 def _end(viewer: subprocess.Popen[bytes]) -> None:
@@ -138,7 +155,7 @@ def ask_repeatedly(viewer: subprocess.Popen[bytes], what: str, seconds: float, a
 def _ended(code: int) -> str:
     """Describe how the viewer ended, and what to do."""
     if code >= 0:
-        return f"the viewer ended with code {code}; {_NEEDS}"
+        return f"the viewer ended with code {code}"
     return f"the viewer was ended by signal {-code} ({signal.strsignal(-code)}); draw it again"
 
 
