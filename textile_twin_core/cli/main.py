@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from importlib.metadata import version
-from typing import Any
+from typing import TextIO
 
 from textile_twin_core.cli.mistakes import BeyondLimitError, nearest, tell
 from textile_twin_core.errors import TwinError, how_to_install
@@ -141,10 +141,17 @@ def _missing_glyphs_told() -> Iterator[None]:
     with warnings.catch_warnings():
         show = warnings.showwarning
 
-        def collect(message: Warning | str, *where: Any) -> None:
+        def collect(
+            message: Warning | str,
+            category: type[Warning],
+            filename: str,
+            lineno: int,
+            file: TextIO | None = None,
+            line: str | None = None,
+        ) -> None:
             found = _GLYPH.match(str(message))
             if found is None:
-                show(message, *where)
+                show(message, category, filename, lineno, file, line)
             else:
                 missing[chr(int(found[1]))] = None
 
