@@ -1,4 +1,4 @@
-"""docs/machine_file.md: it lists every key of the reader with its default, and its examples are valid."""
+"""docs/machine_file.md and its pages: they list every key of the reader with its default, and their examples are valid."""
 
 from __future__ import annotations
 
@@ -34,7 +34,22 @@ from textile_twin_core.machine import (
 )
 from textile_twin_core.twin.compilation import METHODS
 
-PAGE = (Path(__file__).parents[2] / "docs" / "machine_file.md").read_text(encoding="utf-8")
+DOCS = Path(__file__).parents[2] / "docs"
+PARTS_OF_PAGES = {
+    "groups": ("All groups", "Groups"),
+    "loads": ("All loads", "Loads"),
+    "contact_machine": ("Keys", "A contact machine"),
+}
+"""Chapters on pages of their own, and what they are called here."""
+PAGE = "\n".join(
+    [
+        (DOCS / "machine_file.md").read_text(encoding="utf-8"),
+        *(
+            (DOCS / "reference" / f"{page}.md").read_text(encoding="utf-8").replace(f"## {there}\n", f"## {here}\n")
+            for page, (there, here) in PARTS_OF_PAGES.items()
+        ),
+    ]
+)
 YAML_BLOCKS = re.findall(r"^```yaml\n(.*?)^```$", PAGE, re.M | re.S)
 COMPLETE = [block for block in YAML_BLOCKS if "groups" in yaml.safe_load(block)]
 CONTACT = [block for block in YAML_BLOCKS if "driven" in yaml.safe_load(block)]
@@ -225,7 +240,7 @@ transmitted: {arm_torque_Nm: l4}
 def test_every_branch_and_method_is_documented() -> None:
     for cls in GROUPS.values():
         for branch in get_args(get_type_hints(cls).get("branch")):
-            assert f"`{branch}`" in _chapter("Groups")
+            assert f"`{branch}`" in PAGE
     for method in METHODS:
         assert f"`{method}`" in _chapter("Linkages and scene")
 
