@@ -1,4 +1,4 @@
-"""docs/machine_file.md and its pages: they list every key of the reader with its default, and their examples are valid."""
+"""docs/machine_file.md and its pages: every key of the reader with its default, and examples that are valid."""
 
 from __future__ import annotations
 
