@@ -13,17 +13,11 @@ import pytest
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.comparison import compare_torque, summary_rows
 from textile_twin_core.errors import AlignmentError, TwinError
+from textile_twin_core.machine import TorqueSensor
 
 START_NS = 1_763_000_000_123_456_789
 ENTRY, EXIT, LOWEST = 0.38312100023839724, 3.3846508836082833, 0.4 + np.pi / 2
 OMEGA = 16.755
-
-
-@dataclass
-class Sensor:
-    gain: float = 1.0
-    offset_Nm: float = 0.0
-    delay_s: float = 0.0
 
 
 @dataclass
@@ -96,8 +90,8 @@ def test_delay_sigma_covers_the_truth() -> None:
 def test_a_calibrated_delay_is_identifiable(away: float) -> None:
     """The rounded delay in a file lies within its sigma, and may by chance have a smaller error than the best one."""
     arrays = recording(noise=0.4)
-    best = compare_torque(*arrays, torque_sensor=Sensor(1.01, 0.03), events=EVENTS).fit
-    settled = Sensor(1.01, 0.03, best.delay_s + away * best.delay_sigma_s)
+    best = compare_torque(*arrays, torque_sensor=TorqueSensor(1.01, 0.03), events=EVENTS).fit
+    settled = TorqueSensor(1.01, 0.03, best.delay_s + away * best.delay_sigma_s)
     result = compare_torque(*arrays, torque_sensor=settled, events=EVENTS)
     assert result.fit.identifiable and not result.notes
     assert result.fit.delay_s == pytest.approx(0.002, abs=4.0 * best.delay_sigma_s)
@@ -105,7 +99,7 @@ def test_a_calibrated_delay_is_identifiable(away: float) -> None:
 
 
 def test_configured_sensor_removes_gain_offset_and_delay() -> None:
-    sensor = Sensor(gain=1.01, offset_Nm=0.03, delay_s=0.002)
+    sensor = TorqueSensor(gain=1.01, offset_Nm=0.03, delay_s=0.002)
     result = compare_torque(*recording(), events=EVENTS, torque_sensor=sensor)
     assert result.errors_configured.rms_error_Nm < 1e-4
     assert result.errors.rms_error_Nm < 1e-4
@@ -227,7 +221,7 @@ def test_a_torque_that_does_not_follow_keeps_the_configured_delay() -> None:
     noise = np.random.default_rng(1).normal(0, 1, measured.size)
     for values in (noise, np.zeros(measured.size), np.full(measured.size, 4.0)):
         result = compare_torque(
-            measured_ns, values, predicted_ns, predicted, theta, torque_sensor=Sensor(delay_s=0.003)
+            measured_ns, values, predicted_ns, predicted, theta, torque_sensor=TorqueSensor(delay_s=0.003)
         )
         assert not result.fit.identifiable
         assert result.fit.delay_s == 0.003
@@ -285,6 +279,6 @@ def test_empty_and_nearly_empty_recordings_are_refused() -> None:
 
 @pytest.mark.parametrize(("delay_s", "expected"), [(2.0, "write 0.002"), (-0.35, "-0.35 s is more than"), (0.05, "")])
 def test_a_configured_delay_beyond_the_search_is_reported(delay_s: float, expected: str) -> None:
-    result = compare_torque(*recording(), torque_sensor=Sensor(delay_s=delay_s), events=EVENTS)
+    result = compare_torque(*recording(), torque_sensor=TorqueSensor(delay_s=delay_s), events=EVENTS)
     notes = [note for note in result.notes if "is more than the 0.1 s by which another is sought" in note]
     assert len(notes) == bool(expected) and all(expected in note for note in notes)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -12,17 +11,9 @@ from hypothesis import strategies as st
 
 import textile_twin_core as ttc
 from textile_twin_core.comparison.residual import Residual, ResidualStream, load_steps
+from textile_twin_core.machine import TorqueSensor
 
 MS = 1_000_000
-
-
-@dataclass
-class Sensor:
-    """A torque sensor."""
-
-    gain: float = 1.0
-    offset_Nm: float = 0.0
-    delay_s: float = 0.0
 
 
 def predictions(count: int) -> tuple[list[int], list[float], list[float]]:
@@ -40,7 +31,7 @@ def predictions(count: int) -> tuple[list[int], list[float], list[float]]:
 def test_residual_is_that_of_the_whole_record(order: object, gain: float, offset: float, delay_ms: float) -> None:
     stamps, torques, thetas = predictions(80)
     measured = [(stamps[0] + round((1.37 * k + 0.4) * MS), 0.3 * math.cos(0.2 * k)) for k in range(90)]
-    stream = ResidualStream(Sensor(gain, offset, delay_ms * 1e-3))
+    stream = ResidualStream(TorqueSensor(gain, offset, delay_ms * 1e-3))
     found: list[Residual] = []
     coming = [("predicted", k) for k in range(len(stamps))] + [("measured", k) for k in range(len(measured))]
     # Each stream keeps its own order; the two are interleaved at random.
@@ -68,7 +59,7 @@ def test_residual_is_that_of_the_whole_record(order: object, gain: float, offset
 def test_there_is_no_residual_over_gaps_and_steps() -> None:
     stamps, torques, thetas = predictions(40)
     del stamps[10:36], torques[10:36], thetas[10:36]
-    stream = ResidualStream(Sensor(), jump_angles_rad=(0.12, 2.0 * math.pi - 0.3))
+    stream = ResidualStream(TorqueSensor(), jump_angles_rad=(0.12, 2.0 * math.pi - 0.3))
     stream.predicted(stamps, torques, thetas)
     first = stamps[0]
     assert stream.measured(first - MS, 0.0) == []
@@ -81,20 +72,20 @@ def test_there_is_no_residual_over_gaps_and_steps() -> None:
 
 def test_bad_samples_are_counted() -> None:
     stamps, torques, thetas = predictions(20)
-    stream = ResidualStream(Sensor())
+    stream = ResidualStream(TorqueSensor())
     stream.predicted(stamps, torques, thetas)
     assert stream.measured(stamps[1], math.nan) == []
     assert len(stream.measured(stamps[5], 1.0)) == 1
     assert stream.measured(stamps[5], 1.0) == stream.measured(stamps[4], 1.0) == []
     assert stream.skipped == {"not finite": 1, "stamp not after the one before": 2}
-    assert math.isnan(ResidualStream(Sensor()).rms_Nm)
+    assert math.isnan(ResidualStream(TorqueSensor()).rms_Nm)
     stream.reset()
     assert (stream.given, dict(stream.skipped)) == (0, {})
 
 
 def test_residuals_resume_after_a_faulty_clock() -> None:
     """One stamp a day ahead, and in the second half a clock an hour behind, then corrected."""
-    stream = ResidualStream(Sensor())
+    stream = ResidualStream(TorqueSensor())
     second = 10**9
     day, hour = 86_400 * second, 3_600 * second
     told = []
@@ -110,11 +101,11 @@ def test_residuals_resume_after_a_faulty_clock() -> None:
 
 
 def test_memory_is_bounded() -> None:
-    stream = ResidualStream(Sensor(), memory_s=0.1)
+    stream = ResidualStream(TorqueSensor(), memory_s=0.1)
     for k in range(5000):
         stream.measured(2 * MS * k, 0.0)
     assert stream.skipped["no prediction came"] == 5000 - 51
-    silent = ResidualStream(Sensor(), memory_s=0.1)
+    silent = ResidualStream(TorqueSensor(), memory_s=0.1)
     for k in range(5000):
         silent.predicted([2 * MS * k], [0.0], [0.0])
     assert silent.measured(2 * MS * 4990, 1.0) == [Residual(2 * MS * 4990, 1.0)]

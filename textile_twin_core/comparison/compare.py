@@ -11,11 +11,12 @@ from textile_twin_core.comparison.alignment import Track, build_track, fast_spee
 from textile_twin_core.comparison.by_angle import bin_by_angle, by_revolution
 from textile_twin_core.comparison.by_order import by_order, by_speed
 from textile_twin_core.comparison.delay import GUARD_S, SensorFit, fit_sensor, line, usable
+from textile_twin_core.comparison.expected_reading import reading_track
 from textile_twin_core.comparison.inputs import usable_measurements, usable_predictions
 from textile_twin_core.comparison.result import Comparison, ComparisonEvent, SampleCount
 from textile_twin_core.comparison.statistics import error_statistics
 from textile_twin_core.errors import AlignmentError
-from textile_twin_core.machine import Event, TorqueSensor
+from textile_twin_core.machine import Event, TorqueFilter, TorqueSensor
 
 _LEAST_SAMPLES = 16
 _SAME_DELAY = 3.0
@@ -41,16 +42,17 @@ def compare_torque(
 ) -> Comparison:
     """Compare measured torque with predicted torque.
 
-    The prediction at `stamp - delay` is interpolated by cubics that end at the events of the turn (see `Track`).
-    Two kinds of measured samples are left out and counted: those in a gap of the predictions, and those within
-    half a millisecond of a discontinuity of the load, such as the needle's entry into the backing, since their
-    stamps do not show on which side of it they lie. So no residual is an artefact of interpolation.
+    The prediction at `stamp - delay` is interpolated by cubics that end at the events of the turn (see `Track`), and
+    passes the filter of the sensor. Measured samples are left out and counted in a gap of the predictions, while the
+    filter settles, and within half a millisecond of a discontinuity of the reading, such as the needle's entry into
+    the backing behind no low pass, since their stamps do not show on which side of it they lie. So no residual is an
+    artefact of interpolation.
 
     Args:
         measured_stamps_ns: (m,) stamps of the measured torque, int64 ns.
         measured_Nm: (m,) measured torque [N m]; nan and infinite samples are rejected and counted.
         predicted_stamps_ns: (n,) stamps of the predictions, int64 ns, on the same clock.
-        predicted_Nm: (n,) predicted balancing torque [N m], without the sensor's gain and offset.
+        predicted_Nm: (n,) predicted balancing torque [N m], without the sensor's filter, gain and offset.
         theta_rad: (n,) unwrapped shaft angle at the predicted stamps [rad].
         torque_sensor: the sensor as configured; without one gain 1, offset 0, delay 0.
         events: events of the turn, in angle of theta_rad.
@@ -81,9 +83,8 @@ def compare_torque(
             f"and {predictions.stamps_ns.size} of {np.size(predicted_Nm)} predictions are finite with "
             "increasing stamps"
         )
-    gain = 1.0 if torque_sensor is None else float(torque_sensor.gain)
-    offset = 0.0 if torque_sensor is None else float(torque_sensor.offset_Nm)
-    configured = 0.0 if torque_sensor is None else float(torque_sensor.delay_s)
+    sensor = TorqueSensor() if torque_sensor is None else torque_sensor
+    gain, offset, configured = float(sensor.gain), float(sensor.offset_Nm), float(sensor.delay_s)
     ranges = time_ranges(measured_ns, predictions.stamps_ns)
 
     # Seconds from the first prediction: subtracted as int64, so that 1e-9 s survives a clock of 1.7e18 ns.
@@ -93,6 +94,8 @@ def compare_torque(
     track, jumps = build_track(
         predicted_time, predictions.torque_Nm, predictions.theta_rad, [e.angle_rad for e in events]
     )
+    track, filter_settled = reading_track(track, TorqueFilter.of(sensor))
+    reading = sensor.reading(track.torque_at(predicted_time, track.piece(predicted_time)[0])[0])
     del predicted_time  # here and below: free the large arrays of a long record before the next are made
     piece, inside = track.piece(time - configured)
     if not inside.any():
@@ -100,7 +103,7 @@ def compare_torque(
             f"measured and predicted torque do not overlap in time: {ranges}; both must be stamped by the same clock"
         )
     # The estimator counts as converged at a sample if it is at the predictions on both sides.
-    ready = (predictions.settled[:-1] & predictions.settled[1:])[track.after_sample]
+    ready = (predictions.settled[:-1] & predictions.settled[1:])[track.after_sample] & filter_settled
     calm = inside & ready[piece]
     fit = SensorFit(configured, float("nan"), gain, offset, identifiable=False, at_limit=False, sought=False)
     turns = float(np.ptp(track.theta_rad)) / (2.0 * np.pi)
@@ -117,13 +120,13 @@ def compare_torque(
             f"only {np.count_nonzero(used)} of {measured.size} measured torque samples can be compared"
             f"{f' (rejected: {why})' if why else ''}: {ranges}"
         )
-    expected, angle = _expected(track, time - fit.delay_s, gain, offset)
+    expected, angle = _expected(track, time - fit.delay_s, sensor)
     expected[~used] = np.nan
     residual = measured - expected
     used_configured, _ = _select(track, time - configured, ready)
     if np.count_nonzero(used_configured) < _LEAST_SAMPLES:
         used_configured = used
-    configured_Nm, _ = _expected(track, time - configured, gain, offset)
+    configured_Nm, _ = _expected(track, time - configured, sensor)
     errors_configured = error_statistics(measured[used_configured], configured_Nm[used_configured])
     del used_configured, configured_Nm
     seen, wanted = measured[used], expected[used]
@@ -145,6 +148,7 @@ def compare_torque(
         used=used,
         predicted_stamps_ns=predictions.stamps_ns,
         predicted_Nm=predictions.torque_Nm,
+        predicted_reading_Nm=reading,
         predicted_theta_rad=predictions.theta_rad,
         predicted_sigma_Nm=predictions.sigma_Nm,
         sensor_delay_s=configured,
@@ -189,12 +193,12 @@ def _select(track: Track, time_s: FloatArray, ready: BoolArray) -> tuple[BoolArr
     return remaining, causes
 
 
-def _expected(track: Track, time_s: FloatArray, gain: float, offset_Nm: float) -> tuple[FloatArray, FloatArray]:
+def _expected(track: Track, time_s: FloatArray, sensor: TorqueSensor) -> tuple[FloatArray, FloatArray]:
     """Predicted reading of the sensor, and the shaft angle (nan outside the predictions), at times (m,)."""
     piece, inside = track.piece(time_s)
     torque, _ = track.torque_at(time_s, piece)
     theta = np.where(inside, track.theta_at(time_s, piece), np.nan)
-    return gain * torque + offset_Nm, theta
+    return sensor.reading(torque), theta
 
 
 def _search_s(track: Track) -> float:

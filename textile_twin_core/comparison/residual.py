@@ -11,14 +11,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.machine import Machine, TorqueSensor
+from textile_twin_core.comparison.expected_reading import ReadingStream
+from textile_twin_core.machine import Machine, TorqueFilter, TorqueSensor
 from textile_twin_core.twin.predictor import AnyTwin
 from textile_twin_core.twin.restart import BACK_NS, RestartWatch
 
-TWO_PI = 2.0 * math.pi
 _RECENT = 1000
-_LONGEST_NS = 50_000_000
-"""Longest step between predictions; a longer one is a gap."""
 _PROBES = 64
 _BESIDE_RAD = 1e-7
 _JUMP_OVER_PEAK = 1e-4
@@ -26,7 +24,7 @@ _JUMP_OVER_PEAK = 1e-4
 
 @dataclass(frozen=True, slots=True)
 class Residual:
-    """One residual: measured - (gain * predicted(stamp - delay) + offset), at the stamp of the measured sample."""
+    """One residual: measured less expected reading of the sensor, at the stamp of the measured sample."""
 
     stamp_ns: int
     residual_Nm: float
@@ -36,12 +34,12 @@ class Residual:
 class ResidualStream:
     """Pairs of a stream of measured torques and a stream of predictions, in any order of arrival.
 
-    The prediction at `stamp - delay` is interpolated linearly between its two neighbours. No residual is given over a
-    gap, or over a discontinuity of the load (the needle enters the backing). Such samples are counted in `skipped`,
-    by cause.
+    The prediction at `stamp - delay` is interpolated linearly between its two neighbours, and passes the filter of the
+    sensor. No residual is given over a gap, while the filter settles, or over a discontinuity of the reading (the
+    needle enters the backing, and no low pass smooths it). Such samples are counted in `skipped`, by cause.
 
     Args:
-        sensor: delay, gain and offset of the torque sensor.
+        sensor: the torque sensor.
         jump_angles_rad: shaft angles at which the predicted torque is discontinuous.
         memory_s: how long a prediction, or a measured sample, waits for its counterpart.
     """
@@ -57,9 +55,8 @@ class ResidualStream:
 
     def reset(self) -> None:
         """Forget all samples and counts."""
-        self._stamps: list[int] = []
-        self._torques: list[float] = []
-        self._thetas: list[float] = []
+        self._predictions = ReadingStream(TorqueFilter.of(self.sensor), self.jump_angles_rad)
+        self._stamps = self._predictions.stamps_ns
         self._waiting: deque[tuple[int, float]] = deque()
         self._recent: deque[float] = deque(maxlen=_RECENT)
         self._delay_ns = round(self.sensor.delay_s * 1e9)
@@ -91,13 +88,12 @@ class ResidualStream:
         """
         stamps = list(stamps_ns)
         if stamps and self._stamps and stamps[0] <= self._stamps[-1]:
-            self._drop_predictions()
+            self._predictions.clear()
             if self._last_measured_ns is not None and self._last_measured_ns > stamps[0] + BACK_NS:
                 self._last_measured_ns = None  # the torque's clock is to be set back yet
                 self._waiting.clear()
-        self._stamps.extend(stamps)
-        self._torques.extend(torques_Nm)
-        self._thetas.extend(thetas_rad)
+        for stamp, torque, theta in zip(stamps, torques_Nm, thetas_rad, strict=True):
+            self._predictions.add(stamp, torque, theta)
         ready = []
         while self._waiting and self._stamps and self._stamps[-1] >= self._waiting[0][0] - self._delay_ns:
             ready += self._residual(*self._waiting.popleft())
@@ -113,7 +109,7 @@ class ResidualStream:
             self._last_measured_ns = None
             self._waiting.clear()
             if self._stamps and self._stamps[-1] > stamp_ns + BACK_NS:  # the angle's is to be set back yet
-                self._drop_predictions()
+                self._predictions.clear()
         if self._last_measured_ns is not None and stamp_ns <= self._last_measured_ns:
             self.skipped["stamp not after the one before"] += 1
             return []
@@ -124,40 +120,15 @@ class ResidualStream:
             return []
         return self._residual(stamp_ns, torque_Nm)
 
-    def _drop_predictions(self) -> None:
-        self._stamps.clear()
-        self._torques.clear()
-        self._thetas.clear()
-
     def _residual(self, stamp_ns: int, torque_Nm: float) -> list[Residual]:
-        at = stamp_ns - self._delay_ns
-        after = bisect_left(self._stamps, at)
-        if self._stamps[after] == at:
-            predicted = self._torques[after]
-        elif after == 0:
-            self.skipped["before the first prediction"] += 1
+        predicted, cause = self._predictions.at(stamp_ns - self._delay_ns)
+        if cause:
+            self.skipped[cause] += 1
             return []
-        else:
-            before = after - 1
-            step = self._stamps[after] - self._stamps[before]
-            if step > _LONGEST_NS:
-                self.skipped["gap between predictions"] += 1
-                return []
-            if self._crosses_step(self._thetas[before], self._thetas[after]):
-                self.skipped["load jumps there"] += 1
-                return []
-            part = (at - self._stamps[before]) / step
-            predicted = self._torques[before] * (1.0 - part) + self._torques[after] * part
-        residual = torque_Nm - (self.sensor.gain * predicted + self.sensor.offset_Nm)
+        residual = torque_Nm - self.sensor.reading(predicted)
         self.given += 1
         self._recent.append(residual)
         return [Residual(stamp_ns, residual)]
-
-    def _crosses_step(self, theta: float, next_theta: float) -> bool:
-        return any(
-            math.floor((theta - angle) / TWO_PI) != math.floor((next_theta - angle) / TWO_PI)
-            for angle in self.jump_angles_rad
-        )
 
     def _forget(self) -> None:
         """Keep `memory_s` of both streams; count the measured samples dropped without a prediction."""
@@ -168,7 +139,7 @@ class ResidualStream:
         # At twice the memory, so that the lists are seldom cut.
         if self._stamps and self._stamps[-1] - self._stamps[0] > 2 * memory_ns:
             first = bisect_left(self._stamps, self._stamps[-1] - memory_ns)
-            del self._stamps[:first], self._torques[:first], self._thetas[:first]
+            self._predictions.forget(first)
 
 
 def load_steps(twin: AnyTwin) -> tuple[float, ...]:

@@ -38,7 +38,8 @@ class SampleCount:
     Causes: `not_finite` (the torque is nan or infinite), `stamp_not_increasing` (repeated or older stamp),
     `no_prediction` (stamp - delay is before the first or after the last prediction), `prediction_gap`
     (inside a gap of the predictions), `load_jump` (so close to a discontinuity of the load that its side is
-    uncertain), `not_settled` (the shaft estimator had not converged), `prediction_not_usable` (predictions with
+    uncertain), `not_settled` (the shaft estimator had not converged,
+    or the filter of the torque sensor not settled), `prediction_not_usable` (predictions with
     nan or a repeated stamp).
     """
 
@@ -58,13 +59,14 @@ class Comparison:
     Attributes:
         stamps_ns: (m,) stamps of the measured samples.
         measured_Nm: (m,) as measured.
-        expected_Nm: (m,) expected reading: gain * prediction(stamp - delay) + offset, with the configured gain
-            and offset and the estimated delay; nan where not used.
+        expected_Nm: (m,) expected reading: gain * filtered prediction(stamp - delay) + offset, with the configured
+            filter, gain and offset and the estimated delay; nan where not used.
         residual_Nm: (m,) measured - expected; nan where not used.
         theta_rad: (m,) unwrapped shaft angle at stamp - delay; nan where there is no prediction.
         used: (m,) true for the samples that entered the numbers.
         predicted_stamps_ns, predicted_Nm, predicted_theta_rad, predicted_sigma_Nm: (n,) the usable predictions,
             the sigma nan where none was given.
+        predicted_reading_Nm: (n,) what the sensor as configured reads of them, its delay later.
         sensor_delay_s, sensor_gain, sensor_offset_Nm: the sensor as the machine configures it.
         fit: delay, gain and offset estimated from the data.
         errors: at the estimated delay. errors_configured: at the configured one.
@@ -94,6 +96,7 @@ class Comparison:
     used: BoolArray
     predicted_stamps_ns: IntArray
     predicted_Nm: FloatArray
+    predicted_reading_Nm: FloatArray
     predicted_theta_rad: FloatArray
     predicted_sigma_Nm: FloatArray
     sensor_delay_s: float

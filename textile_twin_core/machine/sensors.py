@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +26,7 @@ ENCODER_OPTIONS: Mapping[str, str] = {
 """Encoder settings that commands and nodes may override, with their descriptions."""
 
 
+_Torque = TypeVar("_Torque", float, FloatArray)
 _LARGEST_OF_PITCH = 0.4
 """Largest periodic error of a toothed wheel, in pitches, with which an angle still shows its tooth."""
 
@@ -204,6 +205,10 @@ class TorqueSensor:
                 f"torque sensor: high_pass_hz {self.high_pass_hz:g} must be below the low pass, whose corner is"
                 f" {self.low_pass_corner_hz:.4g} Hz"
             )
+
+    def reading(self, filtered_Nm: _Torque) -> _Torque:
+        """Return what the sensor reads, its delay later, at a torque behind its filter [N m]: a number or an array."""
+        return self.gain * filtered_Nm + self.offset_Nm
 
     @property
     def low_pass_corner_hz(self) -> float:

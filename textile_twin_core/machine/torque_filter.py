@@ -27,7 +27,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from textile_twin_core.arrays import ComplexArray, FloatArray
+from textile_twin_core.arrays import BoolArray, ComplexArray, FloatArray
 from textile_twin_core.compiling import compiled
 from textile_twin_core.machine.sensors import TorqueSensor
 
@@ -78,6 +78,11 @@ class TorqueFilter:
         return not (self.low_pass_s or self.low_pass_hz or self.high_pass_hz)
 
     @property
+    def is_smooth(self) -> bool:
+        """True with a low pass, whose output never jumps."""
+        return bool(self.low_pass_s or self.low_pass_hz)
+
+    @property
     def gain_at_zero(self) -> float:
         """Response H(0) to a constant torque: 0 behind a high pass, else 1."""
         return 0.0 if self.high_pass_hz else 1.0
@@ -112,6 +117,11 @@ class TorqueFilter:
         """Time after which less than 1e-3 of a wrong initial state remains [s]; 0 without a filter."""
         return max((math.log(abs(g) * len(self.modes) / SETTLED) / -p.real for p, g in self.modes), default=0.0)
 
+    @property
+    def shortest_s(self) -> float:
+        """Time constant of the quickest mode [s]; infinite without a filter."""
+        return min((1.0 / abs(pole) for pole, _ in self.modes), default=math.inf)
+
     def response(self, frequency_hz: npt.ArrayLike) -> ComplexArray:
         """Evaluate the complex frequency response at frequencies (n,) or a single one [Hz]."""
         s = 2.0j * math.pi * np.asarray(frequency_hz, dtype=np.float64)
@@ -141,11 +151,38 @@ class TorqueFilter:
         if self.is_identity or not values.size:
             return values.copy()
         columns = np.ascontiguousarray(values.reshape(values.shape[0], -1))
+        out = np.empty_like(columns)
+        poles, weights = self._modes_in_arrays
+        decays = np.exp(poles * period_s)
+        shares: ComplexArray = np.array([_mean_decay(p * period_s) for p, _ in self.modes])
+        _filter(columns, decays, shares, weights, self.gain_at_zero, bool(self.high_pass_hz), out)
+        return out.reshape(values.shape)
+
+    def apply_to_cubics(self, step_s: FloatArray, cubics: FloatArray, gap: BoolArray) -> FloatArray:
+        """Filter a piecewise cubic function of time, exactly; the function may jump from a piece to the next.
+
+        It starts as `apply` does. Behind a gap, the low pass starts again; the high pass keeps its mean.
+
+        Args:
+            step_s: (p,) lengths of the pieces [s].
+            cubics: (4, p) torque at the start and the end of each piece, and its slopes there.
+            gap: (p,) true for pieces in which the function is unknown.
+
+        Returns:
+            (4, p) values and slopes of the filtered function, in the same order.
+        """
+        if self.is_identity:
+            return cubics
+        out = np.empty_like(cubics)
+        poles, weights = self._modes_in_arrays
+        _filter_cubics(step_s, cubics, gap, poles, weights, self.gain_at_zero, bool(self.high_pass_hz), out)
+        return out
+
+    @property
+    def _modes_in_arrays(self) -> tuple[ComplexArray, ComplexArray]:
         poles: ComplexArray = np.array([pole for pole, _ in self.modes])
         weights: ComplexArray = np.array([weight for _, weight in self.modes])
-        out = np.empty_like(columns)
-        _filter(columns, poles * period_s, weights, self.gain_at_zero, bool(self.high_pass_hz), out)
-        return out.reshape(values.shape)
+        return poles, weights
 
     def session(self) -> FilterSession:
         """Begin a stream of single values."""
@@ -157,44 +194,65 @@ class FilterSession:
 
     The first value starts all modes at rest, so a high pass starts with an output of zero. The numbers are those of
     `TorqueFilter.apply` on the same samples once both have settled.
+
+    Attributes:
+        value: input at the latest sample; NaN before the first.
+        behind: state of each mode less the input there.
     """
 
     def __init__(self, torque_filter: TorqueFilter) -> None:
-        self._modes, self._gain = torque_filter.modes, torque_filter.gain_at_zero
+        self._filter, self._modes = torque_filter, torque_filter.modes
         self.reset()
 
     def reset(self) -> None:
         """Forget the state; the next value starts the stream again."""
-        self._value = math.nan
-        self._behind = [0.0j] * len(self._modes)
+        self.value = math.nan
+        self.behind: tuple[complex, ...] = (0.0j,) * len(self._modes)
+
+    def resumed(self, value: float, behind: tuple[complex, ...]) -> FilterSession:
+        """Return another session of the same filter that continues from a sample."""
+        session = FilterSession(self._filter)
+        session.value, session.behind = value, behind
+        return session
 
     @property
     def output(self) -> float:
         """Filtered value at the latest sample; NaN before the first."""
-        return self._gain * self._value + sum((g * d).real for (_, g), d in zip(self._modes, self._behind, strict=True))
+        total = self._filter.gain_at_zero * self.value
+        for (_, weight), behind in zip(self._modes, self.behind, strict=True):
+            total += (weight * behind).real
+        return total
 
     def step(self, interval_s: float, value: float) -> float:
         """Advance over an interval in which the input changes linearly to `value`, and return the output at its end.
 
         Args:
-            interval_s: time since the value before [s]; of no account for the first one.
+            interval_s: time since the value before [s]; not used for the first one.
             value: true torque at the end of the interval.
         """
-        if math.isnan(self._value):
-            self._value = value
+        if math.isnan(self.value):
+            self.value = value
             return self.output
-        rise = value - self._value
-        self._behind = [_advanced(p * interval_s, d, rise) for (p, _), d in zip(self._modes, self._behind, strict=True)]
-        self._value = value
+        rise, advanced = value - self.value, []
+        for (pole, _), behind in zip(self._modes, self.behind, strict=True):
+            exponent = pole * interval_s
+            advanced.append(cmath.exp(exponent) * behind - rise * _mean_decay(exponent))
+        self.value, self.behind = value, tuple(advanced)
         return self.output
 
     def jump(self, value: float) -> float:
         """Change the input to `value` at once, and return the output after it."""
-        if math.isnan(self._value):
+        if math.isnan(self.value):
             return self.step(0.0, value)
-        rise = value - self._value
-        self._behind = [d - rise for d in self._behind]
-        self._value = value
+        rise = value - self.value
+        self.value, self.behind = value, tuple(behind - rise for behind in self.behind)
+        return self.output
+
+    def restart(self, value: float) -> float:
+        """Go on behind a gap: the low pass starts at rest at `value`, the high pass keeps its mean."""
+        rise = value - self.value
+        kept = self.behind[-1] - rise if self._filter.high_pass_hz and not math.isnan(rise) else 0.0j
+        self.value, self.behind = value, (*(0.0j for _ in self.behind[:-1]), *([kept] if self.behind else []))
         return self.output
 
     def take(self, intervals_s: Iterable[float], values: Iterable[float]) -> list[float]:
@@ -202,16 +260,10 @@ class FilterSession:
         return [self.step(interval, value) for interval, value in zip(intervals_s, values, strict=True)]
 
 
-def _advanced(exponent: complex, behind: complex, rise: float) -> complex:
-    """Advance xi - u of a mode over a step with p h = `exponent` in which the input rises linearly."""
-    decay = cmath.exp(exponent)
-    return decay * behind - rise * _mean_decay(exponent, decay)
-
-
-def _mean_decay(exponent: complex, decay: complex) -> complex:
+def _mean_decay(exponent: complex) -> complex:
     """Evaluate expm1(x) / x for x = `exponent`, exactly near zero, too."""
     if abs(exponent) > 0.5:
-        return (decay - 1.0) / exponent
+        return (cmath.exp(exponent) - 1.0) / exponent
     total = term = 1.0 + 0.0j
     for k in range(2, 16):
         term *= exponent / k
@@ -221,21 +273,17 @@ def _mean_decay(exponent: complex, decay: complex) -> complex:
 
 @compiled
 def _filter(
-    values: FloatArray, exponents: ComplexArray, weights: ComplexArray, gain: float, blocking: bool, out: FloatArray
+    values: FloatArray,
+    decays: ComplexArray,
+    shares: ComplexArray,
+    weights: ComplexArray,
+    gain: float,
+    blocking: bool,
+    out: FloatArray,
 ) -> None:
     """Filter columns on an even grid; with `blocking`, the last mode is that of the high pass."""
     rows, columns = values.shape
-    modes = exponents.size
-    decays = np.exp(exponents)
-    shares = np.ones(modes, np.complex128)
-    for m in range(modes):
-        if abs(exponents[m]) > 0.5:
-            shares[m] = (decays[m] - 1.0) / exponents[m]
-        else:
-            term = 1.0 + 0.0j
-            for k in range(2, 16):
-                term *= exponents[m] / k
-                shares[m] += term
+    modes = decays.size
     behind = np.empty(modes, np.complex128)
     for column in range(columns):
         mean, before = 0.0, np.nan
@@ -272,3 +320,68 @@ def _filter(
             for m in range(modes):
                 total += (weights[m] * behind[m]).real
             out[row, column] = total
+
+
+@compiled
+def _phi(z: complex) -> tuple[complex, complex, complex, complex]:
+    """Evaluate exp(z) and phi_k(z) = sum_j z^j / (j + k)! for k = 1, 2, 3."""
+    if abs(z) < 1.0:
+        third = term = 1.0 / 6.0 + 0.0j
+        for j in range(1, 17):
+            term *= z / (j + 3)
+            third += term
+        second = z * third + 0.5
+        first = z * second + 1.0
+        return z * first + 1.0, first, second, third
+    decay = np.exp(z)
+    first = (decay - 1.0) / z
+    second = (first - 1.0) / z
+    return decay, first, second, (second - 0.5) / z
+
+
+@compiled
+def _filter_cubics(
+    steps: FloatArray,
+    cubics: FloatArray,
+    gap: BoolArray,
+    poles: ComplexArray,
+    weights: ComplexArray,
+    gain: float,
+    blocking: bool,
+    out: FloatArray,
+) -> None:
+    """Filter a piecewise cubic; with `blocking`, the last mode is that of the high pass."""
+    count, modes = steps.size, poles.size
+    last = modes - 1
+    behind = np.zeros(modes, np.complex128)
+    if blocking:  # the low pass with the corner of the high pass, backwards from the end
+        before = cubics[1, count - 1]
+        for i in range(count - 1, -1, -1):
+            behind[last] -= cubics[1, i] - before
+            before = cubics[0, i]
+            if gap[i]:
+                behind[last] -= before - cubics[1, i]
+            else:
+                decay, first, second, third = _phi(poles[last] * steps[i])
+                behind[last] = decay * behind[last] - (before - cubics[1, i]) * first
+    before = cubics[0, 0]
+    for i in range(count):
+        start, end, start_slope, end_slope = cubics[0, i], cubics[1, i], cubics[2, i], cubics[3, i]
+        for m in range(modes):
+            behind[m] -= start - before
+        out[0, i], out[2, i] = gain * start, gain * start_slope
+        out[1, i], out[3, i] = gain * end, gain * end_slope
+        rise = 6.0 * (end - start) / steps[i]
+        linear, square = rise - 4.0 * start_slope - 2.0 * end_slope, 3.0 * (start_slope + end_slope) - rise
+        for m in range(modes):
+            out[0, i] += (weights[m] * behind[m]).real
+            out[2, i] += (weights[m] * (poles[m] * behind[m] - start_slope)).real
+            if gap[i]:
+                behind[m] = behind[m] - (end - start) if blocking and m == last else 0.0j
+            else:
+                decay, first, second, third = _phi(poles[m] * steps[i])
+                forced = start_slope * first + linear * second + 2.0 * square * third
+                behind[m] = decay * behind[m] - steps[i] * forced
+            out[1, i] += (weights[m] * behind[m]).real
+            out[3, i] += (weights[m] * (poles[m] * behind[m] - end_slope)).real
+        before = end

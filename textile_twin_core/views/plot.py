@@ -91,7 +91,7 @@ def _torque_over_time(axes: Axes, comparison: Comparison, window: tuple[float, f
     predicted_time = (
         comparison.predicted_stamps_ns - comparison.predicted_stamps_ns[0]
     ) * 1e-9 + comparison.fit.delay_s
-    expected = comparison.sensor_gain * comparison.predicted_Nm + comparison.sensor_offset_Nm
+    expected = comparison.predicted_reading_Nm
     sigma = comparison.predicted_sigma_Nm
     gaps = gap_times(predicted_time)  # no line is drawn across them
     at = np.searchsorted(predicted_time, gaps)

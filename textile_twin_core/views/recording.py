@@ -125,7 +125,7 @@ def _write(
         for part in blocks(frames.size if width is None else 0):
             writer.motion(predicted_s[frames[part]], positions(theta[frames[part]]))
         # Apply the sensor model, so that both curves and the residual refer to the same instant.
-        shown = comparison.sensor_gain * comparison.predicted_Nm + comparison.sensor_offset_Nm
+        shown = comparison.predicted_reading_Nm
         sigma = abs(comparison.sensor_gain) * comparison.predicted_sigma_Nm
         writer.predicted(predicted_s + comparison.fit.delay_s, shown, sigma)
         gaps = gap_times(predicted_s) + comparison.fit.delay_s
