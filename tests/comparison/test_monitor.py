@@ -253,3 +253,24 @@ def test_one_wrong_value_among_those_learnt_from_hides_no_fault(wrong_Nm: float)
     readings = Readings(r.angle_stamps_ns, r.angle, r.torque_stamps_ns, torque)
     trend = monitor_recording(readings, configured_machine(made.case), _SETTINGS)
     assert [alarm.kind for alarm in trend.alarms] == ["constant_torque"]
+
+
+@pytest.mark.parametrize("live", [False, True])
+def test_a_filtered_torque_leaves_the_noise(live: bool) -> None:
+    """Measured behind a second-order low pass and a high pass, which the file declares."""
+    case = healthy("tufting", 77, duration_s=14.0, run_up=False)
+    filters = {"low_pass_hz": 20.0, "low_pass_order": 2, "high_pass_hz": 0.5}
+    case = replace(case, torque=replace(case.torque, **filters))
+    made, machine = record(case), configured_machine(case)
+    sensors = replace(machine.sensors, torque=replace(machine.sensors.torque, **filters))
+    monitor = Monitor(replace(machine, sensors=sensors), _SETTINGS, "causal" if live else "smooth")
+    if live:
+        trends = [trend.columns for _, trend in in_blocks(monitor, made, 0.9)]
+        rms = np.concatenate([columns["rms_Nm"] for columns in trends if columns])
+    else:
+        monitor.add_angles(made.angle_stamps_ns, made.angle)
+        monitor.add_torques(made.torque_stamps_ns, made.torque)
+        rms = monitor.finish().columns["rms_Nm"]
+    assert 24 < rms.size < 32
+    assert np.median(rms) < 1.1 * case.torque.noise_Nm
+    assert rms.max() < 1.5 * case.torque.noise_Nm

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
+import scipy
 
 from tests.generators.multibody import Floats
 from tests.generators.planned_motion import Plan, run_up_and_down, steady
@@ -21,12 +22,16 @@ from tests.generators.shaft_law import LOOM_FRICTION, Backing, Friction, loom_la
 
 Stamps = npt.NDArray[np.int64]
 START_NS = 1_767_081_600_000_000_000
+_FINE_S = 5e-5
 SPEED = {"tufting": 16.755, "loom": 14.0}
 
 
 @dataclass(frozen=True)
 class Encoder:
-    """shaft = (measured - zero) * direction * ratio; one turn of the encoder is logged as `turn`."""
+    """shaft = (q - zero) * direction * ratio; one turn of the encoder is logged as `turn`.
+
+    measured = q + c cos q + s sin q + .. with the pairs (c, s) of `run_out_rad`, once per turn of the encoder, ...
+    """
 
     zero_rad: float = 0.0
     direction: int = 1
@@ -35,11 +40,15 @@ class Encoder:
     bits: int = 14
     rate_hz: float = 500.0
     wrapped: bool = True
+    run_out_rad: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass(frozen=True)
 class TorqueSensor:
-    """measured(t) = gain * torque(t - delay) + offset, delay growing by `drift` seconds a second; noise before gain."""
+    """measured(t) = gain * filtered torque(t - delay) + offset, delay growing by `drift` seconds a second.
+
+    Noise is added before the gain, behind the filters: low passes of order 1 or 2, a high pass of order 1; 0: none.
+    """
 
     gain: float = 1.0
     offset_Nm: float = 0.0
@@ -47,6 +56,9 @@ class TorqueSensor:
     drift: float = 0.0
     noise_Nm: float = 0.08
     rate_hz: float = 500.0
+    low_pass_hz: float = 0.0
+    low_pass_order: int = 1
+    high_pass_hz: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -119,7 +131,10 @@ def record(case: Case) -> MillRecording:
 
     time = np.arange(0.05, case.duration_s - 0.05, 1.0 / e.rate_hz)
     theta, _, _ = plan.at(time)
-    angle = theta / (e.direction * e.ratio) + e.zero_rad
+    turned = theta / (e.direction * e.ratio) + e.zero_rad
+    angle = turned.copy()
+    for order, (c, s_) in enumerate(e.run_out_rad, 1):
+        angle += c * np.cos(order * turned) + s_ * np.sin(order * turned)
     step = 2.0 * math.pi / (1 << e.bits)
     angle = np.rint(angle / step) * step
     if e.wrapped:
@@ -130,10 +145,32 @@ def record(case: Case) -> MillRecording:
 
     time = np.arange(0.0507, case.duration_s - 0.05, 1.0 / s.rate_hz)
     late = time - s.delay_s - s.drift * (time - 0.5 * case.duration_s)
-    torque = torque_of(case, *plan.at(np.clip(late, 0.0, case.duration_s)))
+    torque = _filtered_torque(case, plan, np.clip(late, 0.0, case.duration_s))
     torque = s.gain * (torque + s.noise_Nm * rng.standard_normal(time.size)) + s.offset_Nm
     torque_stamps, kept = _stamped(time, case, rng)
     return MillRecording(angle_stamps, angle, torque_stamps, torque[kept], plan)
+
+
+def _filtered_torque(case: Case, plan: Plan, time: Floats) -> Floats:
+    """Torque of a case's machine behind the filters of its sensor, computed on a fine grid."""
+    s = case.torque
+    if not (s.low_pass_hz or s.high_pass_hz):
+        return torque_of(case, *plan.at(time))
+    fine = np.arange(0.0, case.duration_s + _FINE_S, _FINE_S)
+    torque = torque_of(case, *plan.at(np.minimum(fine, case.duration_s)))
+    if s.high_pass_hz:
+        torque = torque - (torque[0] if case.run_up else torque.mean())
+        torque = _filtered(torque, 1, s.high_pass_hz, "high")
+    if s.low_pass_hz:
+        torque = torque[0] + _filtered(torque - torque[0], s.low_pass_order, s.low_pass_hz, "low")
+    return np.interp(time, fine, torque)
+
+
+def _filtered(values: Floats, order: int, corner_hz: float, kind: str) -> Floats:
+    """Filter values of the fine grid, from rest."""
+    b, a = scipy.signal.butter(order, 2.0 * math.pi * corner_hz, kind, analog=True)
+    b, a, _ = scipy.signal.cont2discrete((b, a), _FINE_S, "foh")
+    return np.asarray(scipy.signal.lfilter(np.ravel(b), a, values))
 
 
 def _stamped(time: Floats, case: Case, rng: np.random.Generator) -> tuple[Stamps, npt.NDArray[np.bool_]]:

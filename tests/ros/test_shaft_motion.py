@@ -6,10 +6,12 @@ import math
 import statistics
 from itertools import pairwise
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from textile_twin_core.machine import Encoder, TorqueSensor
 from textile_twin_ros.shaft_motion import Marks, SimulatedEncoder, SimulatedShaft, SimulatedTorqueSensor
 
 
@@ -39,7 +41,7 @@ def test_run_up_joins_the_steady_speed() -> None:
 
 @given(theta=st.floats(-100.0, 100.0), bits=st.integers(1, 20), direction=st.sampled_from([1, -1]))
 def test_encoder_shows_the_shaft_angle_to_its_resolution(theta: float, bits: int, direction: int) -> None:
-    encoder = SimulatedEncoder(bits, zero_rad=0.3, direction=direction)
+    encoder = SimulatedEncoder(bits, Encoder(zero_rad=0.3, direction=direction))
     measured = encoder.read(theta)
     assert 0.0 <= measured < math.tau
     step = math.tau / 2**bits
@@ -49,11 +51,32 @@ def test_encoder_shows_the_shaft_angle_to_its_resolution(theta: float, bits: int
 
 
 def test_torque_sensor_has_gain_offset_and_noise() -> None:
-    assert SimulatedTorqueSensor(1.01, 0.2).read(10.0) == pytest.approx(10.3)
-    noisy = SimulatedTorqueSensor(noise_Nm=0.05, seed=3)
-    values = [noisy.read(1.0) for _ in range(4000)]
+    late = SimulatedTorqueSensor(TorqueSensor(1.01, 0.2, 0.5), lambda time: 10.0 * time)
+    assert late.read(1.5) == pytest.approx(10.3)
+    noisy = SimulatedTorqueSensor(TorqueSensor(), np.ones_like, noise_Nm=0.05, seed=3)
+    values = [noisy.read(0.01 * k) for k in range(4000)]
     assert statistics.mean(values) == pytest.approx(1.0, abs=0.004)
     assert statistics.stdev(values) == pytest.approx(0.05, rel=0.05)
+
+
+def test_torque_sensor_filters() -> None:
+    """The response of a Butterworth filter to a step, in closed form."""
+    sensor = SimulatedTorqueSensor(
+        TorqueSensor(2.0, 0.2, low_pass_hz=20.0, low_pass_order=2), lambda time: 3.0 * (time > 0.1)
+    )
+    w = math.tau * 20.0 / math.sqrt(2.0)
+    for k in range(200):
+        late = 0.002 * k - 0.1
+        response = 1.0 - math.exp(-w * late) * (math.cos(w * late) + math.sin(w * late)) if late > 0.0 else 0.0
+        assert sensor.read(0.002 * k) == pytest.approx(2.0 * 3.0 * response + 0.2, abs=6.0 * 1.5e-3)
+
+
+def test_encoder_runs_out() -> None:
+    encoder = Encoder(zero_rad=0.3, direction=-1, ratio=0.5, eccentricity_rad=((0.01, -0.02),))
+    for theta in (0.0, 1.0, -40.0):
+        q = -2.0 * theta + 0.3
+        expected = q + 0.01 * math.cos(q) - 0.02 * math.sin(q)
+        assert SimulatedEncoder(0, encoder).turned(theta) == pytest.approx(expected, abs=1e-13)
 
 
 @pytest.mark.parametrize("rpm", [240.0, 160.0, 97.3])

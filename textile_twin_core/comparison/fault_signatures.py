@@ -64,6 +64,31 @@ class TurnFeatures:
         return TurnFeatures(**{name: np.concatenate([getattr(each, name) for each in turns]) for name in names})
 
 
+def slow_speed(omega_rad_s: FloatArray) -> float:
+    """Return the speed below which the shaft counts as standing [rad/s]."""
+    return 0.05 * fast_speed(omega_rad_s)
+
+
+@dataclass(frozen=True)
+class Signatures:
+    """Torque of each signature, (n,) each [N m]: load, direction of a constant torque, whole torque, its derivative."""
+
+    load: FloatArray
+    direction: FloatArray
+    torque: FloatArray
+    slope: FloatArray
+
+
+def signatures(
+    terms: TorqueTerms, theta: FloatArray, omega: FloatArray, alpha: FloatArray, slow_rad_s: float
+) -> Signatures:
+    """Evaluate the signatures at states (n,); below `slow_rad_s` the shaft counts as standing."""
+    parts = terms.at(theta, omega, alpha, slow_rad_s)
+    shifted = terms.at(theta + _PHASE_STEP, omega, alpha, slow_rad_s).total
+    torque = parts.total
+    return Signatures(parts.load, parts.direction, torque, (shifted - torque) / _PHASE_STEP)
+
+
 def turn_features(
     terms: TorqueTerms,
     settings: Settings,
@@ -71,6 +96,7 @@ def turn_features(
     torque_Nm: FloatArray,
     states: tuple[FloatArray, FloatArray, FloatArray],
     ends: RangeEnds,
+    filtered: Signatures | None = None,
 ) -> TurnFeatures:
     """Features of every turn of the measured samples (n,).
 
@@ -80,13 +106,12 @@ def turn_features(
         stamps_ns, torque_Nm: measured torque.
         states: angle, speed and acceleration of the shaft at each sample less the delay, direction and zero applied.
         ends: finds the torques at an end of their sensor's range.
+        filtered: signatures at each sample behind the filter of the sensor; None: it has no filter.
     """
     theta, omega, alpha = states
-    slow = 0.05 * fast_speed(omega)
-    parts = terms.at(theta, omega, alpha, slow)
-    torque = parts.total
-    shifted = terms.at(theta + _PHASE_STEP, omega, alpha, slow).total
-    slope = (shifted - torque) / _PHASE_STEP
+    slow = slow_speed(omega)
+    seen = signatures(terms, theta, omega, alpha, slow) if filtered is None else filtered
+    torque = seen.torque
     # At a discontinuity of the load the side is uncertain and a slope is meaningless.
     good = np.isfinite(torque) & np.isfinite(torque_Nm) & ~terms.near_step(theta, omega, 0.002, _JUMP_GUARD_RAD)
     good &= np.abs(omega) > slow
@@ -95,7 +120,7 @@ def turn_features(
     cut[good] = ends.find(torque_Nm[good])
     cut &= ~_mostly(cut, good, whole)
     good &= ~cut
-    columns = settings.gain * np.stack([parts.load, parts.direction, torque, slope], axis=1)
+    columns = settings.gain * np.stack([seen.load, seen.direction, torque, seen.slope], axis=1)
     residual = torque_Nm - settings.gain * torque - settings.offset_Nm
     turns, first, place = np.unique(whole[good], return_index=True, return_inverse=True)
     cut_off = np.bincount(np.searchsorted(turns, whole[cut]), minlength=turns.size)

@@ -4,23 +4,32 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.comparison.assessment import configured_settings
+from textile_twin_core.comparison.expected_reading import filtered_at
 from textile_twin_core.comparison.fault_band import SERIES
-from textile_twin_core.comparison.fault_signatures import FEWEST_TORQUES_PER_TURN, KINDS, TurnFeatures, turn_features
+from textile_twin_core.comparison.fault_signatures import (
+    FEWEST_TORQUES_PER_TURN,
+    KINDS,
+    Signatures,
+    TurnFeatures,
+    signatures,
+    slow_speed,
+    turn_features,
+)
 from textile_twin_core.comparison.fault_watch import Alarm, FaultWatch, WatchSettings
 from textile_twin_core.comparison.inputs import usable_measurements
 from textile_twin_core.comparison.range_ends import RangeEnds, range_end_note
 from textile_twin_core.comparison.readings import Readings
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
 from textile_twin_core.comparison.torque_terms import TorqueTerms
-from textile_twin_core.machine import Machine
+from textile_twin_core.machine import Machine, TorqueFilter
 from textile_twin_core.shaft import SampleReport, create_estimator
 from textile_twin_core.twin.session import encoder_settings
 
@@ -49,6 +58,7 @@ class Monitor:
 
     def __init__(self, machine: Machine, settings: WatchSettings | None = None, shaft: str = "causal") -> None:
         self._terms = TorqueTerms(machine)
+        self._filter = TorqueFilter.of(machine.sensors.torque)
         self._settings = configured_settings(machine)
         encoder = machine.sensors.encoder
         self._encoder = encoder
@@ -124,8 +134,12 @@ class Monitor:
             ready = good & (sense * np.floor(states[0] / TURN) < sense * present)
         if np.count_nonzero(ready) < FEWEST_TORQUES_PER_TURN:
             return Trend({}, ())
+        filtered, seen = None, torque[ready]
+        if not self._filter.is_identity:
+            filtered, settled = self._filtered(track, time[ready])
+            seen[~settled] = np.nan
         at = states[0][ready], states[1][ready], states[2][ready]
-        found = turn_features(self._terms, s, stamps[ready], torque[ready], at, self._ends)
+        found = turn_features(self._terms, s, stamps[ready], seen, at, self._ends, filtered)
         kept = _whole(found)
         alarms, away = self.watch.take(kept)
         self.turns += kept.number.size
@@ -133,6 +147,19 @@ class Monitor:
         cut_off = int(kept.cut_off.sum())
         notes = (range_end_note(cut_off, self._ends.values_Nm, "turns are watched"),) if cut_off else ()
         return _trend(kept, away, alarms, notes)
+
+    def _filtered(self, track: ShaftTrack, time_s: FloatArray) -> tuple[Signatures, BoolArray]:
+        """Return the signatures behind the filter of the sensor at times (m,), and where the filter has settled."""
+        s = self._settings
+        theta, omega = s.direction * track.theta_rad - s.zero_rad, s.direction * track.omega_rad_s
+        whole = signatures(self._terms, theta, omega, s.direction * track.alpha_rad_s2, slow_speed(omega))
+        columns = [getattr(whole, field.name) for field in fields(whole)]
+        good = np.isfinite(np.stack(columns)).all(axis=0)
+        found, settled = filtered_at(
+            self._filter, track.time_s[good], [column[good] for column in columns], theta[good],
+            self._terms.step_angles_rad, time_s,
+        )  # fmt: skip
+        return Signatures(*found), settled
 
     def _take_states(self, states: Any) -> None:
         if not len(states):
@@ -151,7 +178,7 @@ class Monitor:
         """Drop the samples of watched turns."""
         assert self._origin_ns is not None
         rows = np.concatenate(self._states)
-        keep = rows[:, 0] > until_s - 1.0
+        keep = rows[:, 0] > until_s - max(1.0, 2.0 * self._filter.settling_s)
         self._states = [rows[keep]] if keep.any() else [rows[-1:]]
         late = (stamps - self._origin_ns) * 1e-9 - self._settings.delay_s > until_s
         self._torque = [(stamps[late], torque[late])]

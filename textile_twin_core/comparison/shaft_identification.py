@@ -24,7 +24,7 @@ from textile_twin_core.driveline.observer import ShaftObserver
 from textile_twin_core.driveline.observer_step import shaft_readings
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.inference.robust import robust_scale
-from textile_twin_core.machine import Machine, MainShaft
+from textile_twin_core.machine import Machine, MainShaft, TorqueFilter
 from textile_twin_core.machine.main_shaft import ShaftDrive
 from textile_twin_core.shaft import create_estimator
 from textile_twin_core.twin.session import encoder_settings
@@ -112,6 +112,8 @@ class _Observed:
         self._near = near
         self._within = (self._time >= self._known[0]) & (self._time <= self._known[-1]) & beside
         self._turn = np.floor(np.interp(self._time, self._known, states.theta_rad) / TURN).astype(np.int64)
+        self._filter = TorqueFilter.of(sensor)
+        self._within &= self._time >= self._known[0] + self._filter.settling_s
         self.settled = self._within
         self._second: FloatArray | None = None
         if readings.second is not None:
@@ -146,7 +148,7 @@ class _Observed:
         """
         observed, shaft = observer.take(self._rows), self._elastic.shaft
         piece, sign = shaft.torque_piece
-        torque = sign * self._elastic.piece_torques(observed.motion.pieces)[:, piece]
+        torque = self._filtered(sign * self._elastic.piece_torques(observed.motion.pieces)[:, piece])
         if first:
             settled = observed.found["settled"] > 0.5
             self.settled = self._within & settled[self._near] & settled[self._near - 1]
@@ -160,6 +162,15 @@ class _Observed:
         angle = angle + motion.psi[:, station] - motion.psi[:, shaft.encoder_station]
         at = CubicHermiteSpline(self._known, angle, motion.omega[:, station])(self._second_time)
         return _about_mean(error), _about_mean((self._second - at)[self._second_settled])
+
+    def _filtered(self, torque: FloatArray) -> FloatArray:
+        """Return the torque (n,) at the known times as it passes the filter of the sensor."""
+        if self._filter.is_identity:
+            return torque
+        torque = np.nan_to_num(torque)
+        cubics = np.stack([torque[:-1], torque[1:], *[np.diff(torque) / np.diff(self._known)] * 2])
+        filtered = self._filter.apply_to_cubics(np.diff(self._known), cubics, np.zeros(torque.size - 1, np.bool_))
+        return np.append(filtered[0], filtered[1, -1])
 
 
 @dataclass(frozen=True)

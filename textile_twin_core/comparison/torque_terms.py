@@ -76,6 +76,11 @@ class TorqueTerms:
         friction = self.viscous_Nms * omega + self.coulomb_Nm * direction
         return Terms(out["torque_inertial_Nm"] + out["torque_gravity_Nm"], out["torque_load_Nm"], friction, direction)
 
+    @property
+    def step_angles_rad(self) -> list[float]:
+        """Angles in a turn at which the load jumps, increasing [rad]."""
+        return [float(angle) for angle in self._step_angles]
+
     def near_step(self, theta: FloatArray, omega: FloatArray, guard_s: float, guard_rad: float = 0.0) -> BoolArray:
         """Return true within `guard_s`, at the present speed, or `guard_rad` of a discontinuity of the load."""
         near = np.zeros(theta.size, dtype=np.bool_)

@@ -216,6 +216,11 @@ class FilterSession:
         return session
 
     @property
+    def is_identity(self) -> bool:
+        """True without a filter."""
+        return self._filter.is_identity
+
+    @property
     def output(self) -> float:
         """Filtered value at the latest sample; NaN before the first."""
         total = self._filter.gain_at_zero * self.value

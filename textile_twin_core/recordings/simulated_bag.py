@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
+from textile_twin_core.comparison.expected_reading import expected_readings
 from textile_twin_core.errors import MotionError
 from textile_twin_core.files.motion_table import MotionTable
-from textile_twin_core.machine import AnyMachine
+from textile_twin_core.machine import AnyMachine, Machine
 from textile_twin_core.recordings.bag_write import BagWriter
 
 _START_NS = 1_000_000_000
@@ -23,8 +24,8 @@ def write_simulated_bag(
 ) -> None:
     """Write main_shaft/angle, outputs/NAME and, if requested, balancing_torque/measured and predicted.
 
-    Angle and measured torque follow the encoder and torque sensor of the machine, including the sensor delay, without
-    noise, quantisation or edges of teeth. Times are those of the motion, or follow from its constant speed.
+    Angle and measured torque follow the encoder and torque sensor of the machine, with the sensor's delay and filter,
+    without noise, quantisation or edges of teeth. Times are those of the motion, or follow from its constant speed.
 
     Raises:
         MotionError: The times are unknown, or the encoder is a toothed wheel, whose edges a recording of angles lacks.
@@ -46,7 +47,9 @@ def write_simulated_bag(
             torque = outputs["balancing_torque_Nm"]
             # The sensor shows the torque with its delay.
             shown = stamps + round(sensor.delay_s * 1e9)
-            out.write_wrenches("balancing_torque/measured", shown, sensor.gain * torque + sensor.offset_Nm)
+            angles = [event.angle_rad for event in machine.events()] if isinstance(machine, Machine) else []
+            reading = expected_readings(sensor, stamps, torque, motion.theta_rad, angles)
+            out.write_wrenches("balancing_torque/measured", shown, reading)
             out.write_wrenches("balancing_torque/predicted", stamps, torque)
         for name, values in outputs.items():
             out.write_floats(f"outputs/{name}", stamps, values)

@@ -8,6 +8,8 @@ import numpy as np
 import rerun as rr
 
 from textile_twin_core.arrays import FloatArray
+from textile_twin_core.comparison.expected_reading import LONGEST_NS
+from textile_twin_core.machine import TorqueFilter
 from textile_twin_core.machine.sizes import LARGEST
 from textile_twin_core.views import static_scene
 from textile_twin_core.views.angle_canvas import RESIDUAL_SIZE, TORQUE_SIZE, AngleCanvas, canvas_for
@@ -70,6 +72,7 @@ class LiveDrawing:
         self._measured_too = False
         self._warned_turn = -np.inf
         self._last_torque = np.empty(0)
+        self._filter, self._filtered_s = TorqueFilter.of(machine.sensors.torque).session(), -np.inf
         self._measured: Block = (np.empty(0), np.empty(0), np.empty(0))
         self._memory_s = memory_s
         self._residuals = Latest(lambda: Residuals(_ANGLE_BINS), memory_s)
@@ -120,7 +123,7 @@ class LiveDrawing:
     def predicted(self, time: FloatArray, theta: FloatArray, torque: FloatArray, sigma: FloatArray) -> None:
         """Draw the shaft angle and the predicted torque."""
         sensor = self._machine.sensors.torque
-        shown = np.asarray(sensor.gain * torque + sensor.offset_Nm)
+        shown = np.asarray(sensor.reading(self._filtered(time, torque)))
         self._fit_canvas(shown)
         times, angles, frames = self._motion.draw(time, theta)
         writer = self._writer
@@ -131,6 +134,19 @@ class LiveDrawing:
         if frames.size:
             writer.point("angle/now", writer.torque_canvas, time[frames], angles[-time.size :][frames], shown[frames])
         self._summarise(float(time[-1]))
+
+    def _filtered(self, time: FloatArray, torque: FloatArray) -> FloatArray:
+        """Return the predicted torque behind the filter of the sensor; it starts again behind a gap."""
+        if self._filter.is_identity:
+            return torque
+        steps = np.diff(time, prepend=self._filtered_s)
+        self._filtered_s = float(time[-1])
+        return np.array(
+            [
+                self._filter.step(step, value) if 0.0 < step <= 1e-9 * LONGEST_NS else self._filter.restart(value)
+                for step, value in zip(steps.tolist(), torque.tolist(), strict=True)
+            ]
+        )
 
     def break_lines(self, time: FloatArray) -> None:
         """Break the lines over time at times (n,) [s]."""

@@ -19,11 +19,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from random import Random
 
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.machine import Encoder, TorqueFilter, TorqueSensor
+
 TURN = 2.0 * math.pi
+FILTER_STEP_S = 5e-5
+"""Longest step of the torque sensor's filter."""
 
 
 @dataclass
@@ -63,17 +70,17 @@ class SimulatedEncoder:
 
     Args:
         bits: resolution; 0 is exact.
-        zero_rad, direction, ratio: as in shaft angle = (measured angle - zero) * direction * ratio.
+        encoder: its zero, direction, ratio and periodic error.
     """
 
     bits: int
-    zero_rad: float = 0.0
-    direction: float = 1.0
-    ratio: float = 1.0
+    encoder: Encoder = field(default_factory=Encoder)
 
     def turned(self, theta_rad: float) -> float:
-        """The angle of its own shaft at this shaft angle, which counts on."""
-        return theta_rad / (self.direction * self.ratio) + self.zero_rad
+        """Return the measured angle before it is wrapped and rounded."""
+        if self.encoder.is_corrected:
+            return float(self.encoder.measured_angle(theta_rad))
+        return theta_rad / self.encoder.factor + self.encoder.zero_rad
 
     def read(self, theta_rad: float) -> float:
         """Reading at this shaft angle, in [0, 2 pi)."""
@@ -122,24 +129,37 @@ class Marks:
                 end_s = middle
 
 
-@dataclass
 class SimulatedTorqueSensor:
-    """A torque sensor with gain, offset and noise; its delay is a matter of when it is asked.
+    """Readings of a torque sensor with delay, filter, gain, offset and noise.
 
     Args:
-        gain, offset_Nm: measured = gain * true + offset.
+        sensor: the sensor.
+        torque_at: true torques [N m] at times (n,) [s].
         noise_Nm: standard deviation of the noise.
         seed: of the noise.
     """
 
-    gain: float = 1.0
-    offset_Nm: float = 0.0
-    noise_Nm: float = 0.0
-    seed: int = 0
+    def __init__(
+        self,
+        sensor: TorqueSensor,
+        torque_at: Callable[[FloatArray], FloatArray],
+        noise_Nm: float = 0.0,
+        seed: int = 0,
+    ) -> None:
+        self._sensor, self._torque_at, self._noise_Nm = sensor, torque_at, noise_Nm
+        self._filter = TorqueFilter.of(sensor).session()
+        self._random, self._time_s = Random(seed), math.nan
 
-    def __post_init__(self) -> None:
-        self._random = Random(self.seed)
-
-    def read(self, torque_Nm: float) -> float:
-        """Reading at this torque."""
-        return self.gain * torque_Nm + self.offset_Nm + self._random.gauss(0.0, self.noise_Nm)
+    def read(self, time_s: float) -> float:
+        """Return the reading at a time, later than that of the reading before [s]."""
+        at = time_s - self._sensor.delay_s
+        if self._filter.is_identity or math.isnan(self._time_s):
+            filtered = self._filter.restart(float(self._torque_at(np.array((at,)))[0]))
+        else:
+            # The load may jump: steps of a small part of the filter's time, and of the sample's.
+            count = max(1, math.ceil((at - self._time_s) / FILTER_STEP_S))
+            times = np.linspace(self._time_s, at, count + 1)[1:]
+            step = (at - self._time_s) / count
+            filtered = self._filter.take([step] * count, self._torque_at(times).tolist())[-1]
+        self._time_s = at
+        return self._sensor.reading(filtered) + self._random.gauss(0.0, self._noise_Nm)

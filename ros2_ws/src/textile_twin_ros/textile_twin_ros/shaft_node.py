@@ -22,6 +22,7 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
 from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -30,6 +31,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 import textile_twin_core as ttc
+from textile_twin_core.arrays import FloatArray
 from textile_twin_core.twin.encoder_reference import check_reference
 from textile_twin_ros.endpoints import depth_for, samples_qos
 from textile_twin_ros.machine import load_machine
@@ -83,8 +85,8 @@ class ShaftNode(Node):
         encoder, torque = machine.sensors.encoder, machine.sensors.torque
         self._rpm = parameters.rpm or machine.nominal_speed_rad_s * 60.0 / TURN
         self._motion = SimulatedShaft(self._rpm, parameters.run_up_s, parameters.ripple)
-        self._encoder = SimulatedEncoder(parameters.encoder_bits, encoder.zero_rad, encoder.direction, encoder.ratio)
-        self._sensor = SimulatedTorqueSensor(torque.gain, torque.offset_Nm, parameters.torque_noise_Nm, parameters.seed)
+        self._encoder = SimulatedEncoder(parameters.encoder_bits, encoder)
+        self._sensor = SimulatedTorqueSensor(torque, self._torques, parameters.torque_noise_Nm, parameters.seed)
         self._delay_s = torque.delay_s
         self._torque = WrenchTemplate("main_shaft")
         qos = samples_qos(depth_for(parameters.rate_hz))
@@ -170,8 +172,15 @@ class ShaftNode(Node):
 
     def _publish_torque(self, stamp_ns: int, time_s: float) -> None:
         if self._twin is not None and self._send_torque is not None and time_s >= self._delay_s:
-            torque = float(self._twin.evaluate(*self._motion.at(time_s - self._delay_s))[TORQUE])
-            self._send_torque(self._torque.message(stamp_ns, self._sensor.read(torque)))
+            self._send_torque(self._torque.message(stamp_ns, float(self._sensor.read(time_s))))
+
+    def _torques(self, times_s: FloatArray) -> FloatArray:
+        """True torques at times (n,) [s]."""
+        assert self._twin is not None
+        if times_s.size == 1:
+            return np.array((self._twin.evaluate(*self._motion.at(float(times_s[0])))[TORQUE],), np.float64)
+        theta, omega, alpha = np.array([self._motion.at(time) for time in times_s.tolist()]).T
+        return np.asarray(self._twin.evaluate(theta, omega, alpha)[TORQUE])
 
 
 def main(arguments: list[str] | None = None) -> int:
