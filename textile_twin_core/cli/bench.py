@@ -58,14 +58,14 @@ def parser() -> Parser:
     parser.add_argument("--all", action="store_true", help="--growth, --shaft and --impacts")
     parser.add_argument("--rounds", type=count, default=11, metavar="N", help="rounds of turns (default %(default)s)")
     parser.add_argument(
-        "--json", type=Path, metavar="FILE", help="write rows, ratios, growth, shaft, impacts; is replaced"
+        "--json", type=Path, metavar="FILE", help="write rows, ratios, growth, shaft, impacts; overwritten if it exists"
     )
     parser.add_argument(
         "--png",
         type=Path,
         metavar="FILE",
         help="draw error against time; --shaft and --impacts go into files of that name with _shaft and _impacts"
-        " before the suffix; all are replaced",
+        " before the suffix; all are overwritten",
     )
     return parser
 

@@ -74,7 +74,7 @@ def parser() -> Parser:
     for option, (_, what, side) in _LIMITS.items():
         parser.add_argument(f"--{option}", type=number, metavar="X", help=f"exit code 3 when the {what} is {side} it")
     for form, what in _FORMS.items():
-        parser.add_argument(f"--{form}", type=Path, metavar="FILE", help=f"write {what}; is replaced when it is there")
+        parser.add_argument(f"--{form}", type=Path, metavar="FILE", help=f"write {what}; overwritten if it exists")
     add_batch(parser)
     return parser
 

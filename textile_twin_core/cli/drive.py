@@ -51,7 +51,7 @@ def parser() -> Parser:
         "--samples", type=samples, default=1001, metavar="N", help="rows, evenly in time (default 1001)"
     )
     parser.add_argument(
-        "--out", type=Path, required=True, metavar="FILE", help=".csv or .parquet; is replaced when it is there"
+        "--out", type=Path, required=True, metavar="FILE", help=".csv or .parquet; overwritten if it exists"
     )
     return parser
 

@@ -38,7 +38,7 @@ def parser() -> Parser:
         help="names of outputs, with commas between (textile-twin machines MACHINE lists them); default as in simulate",
     )
     parser.add_argument(
-        "--out", type=Path, required=True, metavar="FILE", help="the .fmu file; is replaced when it is there"
+        "--out", type=Path, required=True, metavar="FILE", help="the .fmu file; overwritten if it exists"
     )
     return parser
 

@@ -43,9 +43,9 @@ def parser() -> Parser:
     """Build the argument parser."""
     parser = Parser(
         "identify",
-        "Fits what the recording can tell of a machine: force in the backing and above it, friction of the shaft,\n"
+        "Fits what the recording determines: force in the backing and above it, friction of the shaft,\n"
         "angles of entry and exit, inertia, and the torque sensor; each with the interval that holds it in 95 of 100\n"
-        "recordings. What the recording cannot tell is named before anything is solved. Settle the sensors first with\n"
+        "recordings. What it does not determine is named before anything is solved. Calibrate the sensors first with\n"
         "textile-twin calibrate.",
         "textile-twin identify bags/tufting_160rpm_synthetic --machine my_machine.yaml --json identified.json",
     )
@@ -61,7 +61,7 @@ def parser() -> Parser:
     parser.add_argument(
         "--table",
         action="store_true",
-        help="with --out: also write the torque by shaft angle that nobody modelled, as a load",
+        help="with --out: also write the unmodelled torque by shaft angle, as a load",
     )
     add_batch(parser)
     return parser

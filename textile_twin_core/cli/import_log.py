@@ -106,7 +106,7 @@ def parser() -> Parser:
     parser.add_argument("--separator", metavar="C", help="of a text table, where it is not found out; 'tab' for tabs")
     parser.add_argument("--decimal", choices=[".", ","], help="of a text table, where it is not found out")
     parser.add_argument("--table", metavar="NAME", help="variable or group of the file that holds the log")
-    parser.add_argument("--force", action="store_true", help="replace the output when it is there")
+    parser.add_argument("--force", action="store_true", help="overwrite the output if it exists")
     return parser
 
 

@@ -21,7 +21,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 COMMANDS = {
     "machines": "the machines, their outputs and parameters",
-    "published": "the papers' numbers beside ours, and their figures drawn anew",
+    "published": "the papers' numbers beside ours, and their figures redrawn",
     "simulate": "outputs of a machine over a shaft motion, as a table or a recording",
     "replay": "a recording in, the same recording with the twin's predictions out",
     "compare": "measured against predicted torque: table, report, recording, plot",

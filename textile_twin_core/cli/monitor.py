@@ -26,7 +26,7 @@ def parser() -> Parser:
     parser = Parser(
         "monitor",
         "Learns the torque of a machine over its first turns, and watches the rest: needle side, drive side and\n"
-        "sensor faults, told apart by what they do to the torque. A folder stands for all recordings in it. Exit code\n"
+        "sensor faults, distinguished by their effect on the torque. A folder stands for all recordings in it. Exit code\n"
         "3 when there was an alarm, 2 when a recording could not be watched, after all others were.",
         "textile-twin monitor bags/* --machine my_machine.yaml --parquet trends.parquet",
     )
@@ -38,9 +38,9 @@ def parser() -> Parser:
     add_machine(parser, option=True)
     parser.add_argument("--learn", type=count, default=100, metavar="TURNS", help="turns to learn from (default 100)")
     parser.add_argument(
-        "--parquet", type=Path, metavar="FILE", help="write the trend of every turn; is replaced when it is there"
+        "--parquet", type=Path, metavar="FILE", help="write the trend of every turn; overwritten if it exists"
     )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the alarms; is replaced when it is there")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the alarms; overwritten if it exists")
     add_workers(parser)
     return parser
 

@@ -64,7 +64,7 @@ def parser() -> Parser:
         help="turns of the shaft in a window (default 16, fewer in a short recording)",
     )
     for form, what in _FORMS.items():
-        parser.add_argument(f"--{form}", type=Path, metavar="FILE", help=f"write {what}; is replaced when it is there")
+        parser.add_argument(f"--{form}", type=Path, metavar="FILE", help=f"write {what}; overwritten if it exists")
     return parser
 
 

@@ -40,8 +40,8 @@ def add_outputs(parser: argparse.ArgumentParser, machine_required: bool) -> None
     parser.add_argument(
         "--out", type=Path, required=machine_required, metavar="FILE", help="write the machine with it (.yaml)"
     )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the numbers; is replaced when it is there")
-    parser.add_argument("--force", action="store_true", help="replace the machine file when it is there")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the numbers; overwritten if it exists")
+    parser.add_argument("--force", action="store_true", help="overwrite the machine file if it exists")
 
 
 def check_out(arguments: argparse.Namespace) -> None:

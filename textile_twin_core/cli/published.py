@@ -23,7 +23,7 @@ def parser() -> Parser:
     )
     parser.add_argument("--plots", type=Path, metavar="DIR", help="draw the papers' figures into this folder, as .png")
     parser.add_argument("--markdown", action="store_true", help="print the tables in Markdown")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the rows; is replaced when it is there")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the rows; overwritten if it exists")
     return parser
 
 

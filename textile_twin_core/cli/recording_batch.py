@@ -45,7 +45,7 @@ def add_batch(parser: argparse.ArgumentParser) -> None:
     """Add --parquet, --workers and --dask, for several recordings."""
     group = parser.add_argument_group("several recordings, or folders of them")
     group.add_argument(
-        "--parquet", type=Path, metavar="FILE", help="write a table, one row each; is replaced when it is there"
+        "--parquet", type=Path, metavar="FILE", help="write a table, one row each; overwritten if it exists"
     )
     add_workers(group)  # type: ignore[arg-type]  # a group takes arguments as a parser does
 

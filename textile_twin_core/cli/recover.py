@@ -24,7 +24,7 @@ def parser() -> Parser:
     )
     parser.add_argument("bag", metavar="BAG", type=Path, help="a rosbag2 folder, complete or not, or an .mcap file")
     parser.add_argument("--out", type=Path, required=True, metavar="BAG2", help="folder to make, or an .mcap file")
-    parser.add_argument("--force", action="store_true", help="replace the output when it is there")
+    parser.add_argument("--force", action="store_true", help="overwrite the output if it exists")
     return parser
 
 

@@ -31,7 +31,7 @@ def parser() -> Parser:
     add_sensors(parser)
     parser.add_argument("--out", type=Path, metavar="BAG2", help="folder to make, or an .mcap file")
     parser.add_argument("--rrd", type=Path, metavar="FILE", help="write a recording for textile-twin view")
-    parser.add_argument("--force", action="store_true", help="replace the output when it is there")
+    parser.add_argument("--force", action="store_true", help="overwrite the output if it exists")
     return parser
 
 

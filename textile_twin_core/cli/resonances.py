@@ -32,9 +32,9 @@ def parser() -> Parser:
     parser.add_argument(
         "--rpm", type=_speeds, metavar="A:B", help="range of speeds (default: from 0.2 to 2 times the nominal speed)"
     )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the numbers; is replaced when it is there")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the numbers; overwritten if it exists")
     parser.add_argument(
-        "--png", type=Path, metavar="FILE", help="draw the Campbell diagram; is replaced when it is there"
+        "--png", type=Path, metavar="FILE", help="draw the Campbell diagram; overwritten if it exists"
     )
     return parser
 

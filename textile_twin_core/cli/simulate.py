@@ -64,7 +64,7 @@ def parser() -> Parser:
         "--out",
         type=Path,
         metavar="FILE",
-        help=".csv, .parquet or .mcap; is replaced when it is there. An .mcap holds what the machine file's encoder and"
+        help=".csv, .parquet or .mcap; overwritten if it exists. An .mcap holds what the machine file's encoder and"
         " torque sensor would say",
     )
     parser.add_argument(
