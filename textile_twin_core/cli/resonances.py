@@ -33,9 +33,7 @@ def parser() -> Parser:
         "--rpm", type=_speeds, metavar="A:B", help="range of speeds (default: from 0.2 to 2 times the nominal speed)"
     )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the numbers; overwritten if it exists")
-    parser.add_argument(
-        "--png", type=Path, metavar="FILE", help="draw the Campbell diagram; overwritten if it exists"
-    )
+    parser.add_argument("--png", type=Path, metavar="FILE", help="draw the Campbell diagram; overwritten if it exists")
     return parser
 
 
