@@ -6,8 +6,9 @@ if [ $# -eq 0 ] || [[ "$1" == -* ]]; then
     cat <<'HELP'
 usage: launch_scripts/service.sh NAME [MACHINE [OPTIONS AND ROS ARGUMENTS ...]]
 
-Prints the unit of a service that runs suite.sh for MACHINE (tufting when not given) in the namespace /NAME, with
-recordings in /var/lib/textile-twin/NAME, of which the newest 50 GB are kept. To put it in place and start it:
+Prints the unit of a service that runs suite.sh for MACHINE (tufting when not given) in the namespace /NAME. Below
+/var/lib/textile-twin/NAME, recordings are in out/recordings, the newest 50 GB of them; alarms and what was learnt of the
+machine are in out/faults. To put it in place and start it:
   sudo useradd --system textile-twin
   launch_scripts/service.sh loom_3 examples/six_bar_loom.yaml | sudo tee /etc/systemd/system/textile-twin-loom_3.service
   sudo systemctl daemon-reload && sudo systemctl enable --now textile-twin-loom_3

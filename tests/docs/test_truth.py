@@ -81,6 +81,12 @@ def texts(tree: ast.AST) -> Iterator[str]:
             yield node.value
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _read_once() -> None:
+    """Read the program's strings before the first test."""
+    program()
+
+
 @cache
 def program() -> str:
     """All that the program may say, in words separated by one space."""

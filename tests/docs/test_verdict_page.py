@@ -25,7 +25,8 @@ def printed_causes() -> set[str]:
     """Causes that the package constructs, by literal or by the kind of a parameter."""
     found = set(verdict._CAUSES.values())
     for file in (ROOT / "textile_twin_core").rglob("*.py"):
-        for node in ast.walk(ast.parse(file.read_text())):
+        text = file.read_text(encoding="utf-8")
+        for node in ast.walk(ast.parse(text)) if "Cause(" in text else ():
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "Cause" and node.args:
                 cause = node.args[0]
                 found |= {cause.value} if isinstance(cause, ast.Constant) else set()
