@@ -64,6 +64,10 @@ def test_the_python_reference_has_signatures_and_docstrings(site: Path) -> None:
     page = (site / "reference" / "python.html").read_text()
     for name in listed:
         assert f'id="{name}"' in page, name
+    assert "Example:" not in page  # which the site would show as plain text
+    assert page.count("<strong>Examples:</strong>") + page.count("Examples:") >= len(listed) - 10
+    headings = re.findall(r"textile_twin_core\.[\w.]+(?=\s*<)", page)
+    assert {"textile_twin_core.compile", "textile_twin_core.Machine", "textile_twin_core.load_machine"} <= set(headings)
 
 
 @pytest.fixture(scope="module")
