@@ -87,15 +87,18 @@ class Eccentricity:
         _true_angles(readings, self._coefficients, self._steps, out)
         return out.reshape(reading_rad.shape)
 
-    def true_reading(self, reading_rad: float) -> tuple[float, float]:
-        """Correct one reading, and return the slope of the readings over the true angle there, too."""
+    def one_true_angle(self, reading_rad: float) -> float:
+        """Correct one reading as `true_angle` does."""
         one = np.array((reading_rad,))
         _true_angles(one, self._coefficients, self._steps, one)
-        angle = one.item()
+        return float(one.item())
+
+    def slope_at(self, angle: float) -> float:
+        """Return the slope of the readings over the true angle, at one true angle [rad]."""
         slope = 1.0
         for order, (c, s) in enumerate(self.pairs, 1):
             slope += order * (s * math.cos(order * angle) - c * math.sin(order * angle))
-        return angle, slope
+        return slope
 
     def reading(self, angle_rad: FloatArray) -> FloatArray:
         """Return the readings (n,) at true angles of the encoder [rad]."""

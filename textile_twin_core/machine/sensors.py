@@ -113,8 +113,9 @@ class Encoder:
     def shaft_reading(self, measured_rad: float, measured_rad_s: float) -> tuple[float, float]:
         """Convert one measured angle and speed (NaN: none) to those of the shaft, without the cost of arrays."""
         if self._eccentricity is not None:
-            measured_rad, slope = self._eccentricity.true_reading(measured_rad)
-            measured_rad_s /= slope
+            measured_rad = self._eccentricity.one_true_angle(measured_rad)
+            if not math.isnan(measured_rad_s):
+                measured_rad_s /= self._eccentricity.slope_at(measured_rad)
         return (measured_rad - self.zero_rad) * self.factor, measured_rad_s * self.factor
 
     def shaft_speed(self, measured_rad: npt.ArrayLike, measured_rad_s: npt.ArrayLike) -> FloatArray:
