@@ -38,6 +38,7 @@ DOCS = Path(__file__).parents[2] / "docs"
 PARTS_OF_PAGES = {
     "groups": ("All groups", "Groups"),
     "loads": ("All loads", "Loads"),
+    "main_shaft": ("Keys of the shaft", "The main shaft"),
     "contact_machine": ("Keys", "A contact machine"),
 }
 """Chapters on pages of their own, and what they are called here."""
