@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from xml.etree import ElementTree
 
-from textile_twin_ros.own_topics import INPUTS, OUTPUTS
+from textile_twin_ros.machine_namespace import INPUTS, OUTPUTS
 
 PROGRAM = "policy.sh"
 DESCRIPTION = """\

@@ -10,7 +10,7 @@ from sensor_msgs.msg import JointState
 
 from tests.ros.suite import RELIABLE
 from textile_twin_ros.messages import JointTemplate, PointTemplate, WrenchTemplate
-from textile_twin_ros.spinning import create_executor
+from textile_twin_ros.node_runner import create_executor
 
 JOINTS = ["main_shaft", "coupler", "rocker", "rod", "needle_bar"]
 

@@ -22,7 +22,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from launch_scripts.this_computer import this_computer_alone
 from textile_twin_core.recordings import BagWriter, open_bag
-from textile_twin_ros.spinning import create_executor
+from textile_twin_ros.node_runner import create_executor
 
 PATIENCE_S = 60.0
 _T = TypeVar("_T")

@@ -12,11 +12,10 @@ pytest.importorskip("rclpy")
 from textile_twin_core.shaft import SampleReport
 from textile_twin_ros.diagnostics import ERROR, OK, STALE, WARN, Status
 from textile_twin_ros.health import (
+    CountWindow,
     MeasuredTorque,
-    Recent,
     burst_findings,
     joint_findings,
-    judged,
     publisher_findings,
     residual_findings,
     sample_counts,
@@ -25,11 +24,12 @@ from textile_twin_ros.health import (
     stamp_findings,
     state_level,
     unit_findings,
+    with_findings,
 )
 
 
 def level(growth: dict[str, float]) -> bytes:
-    return judged(Status("angle", OK, "500 Hz"), sample_findings(growth, "messages")).level
+    return with_findings(Status("angle", OK, "500 Hz"), sample_findings(growth, "messages")).level
 
 
 @pytest.mark.parametrize(
@@ -61,7 +61,7 @@ def test_nothing_received_is_no_share() -> None:
 
 
 def test_what_is_over_is_forgotten_after_the_window() -> None:
-    recent = Recent(window_s=5.0)
+    recent = CountWindow(window_s=5.0)
     states = []
     for second in range(20):
         bad = 50.0 * min(second, 3)  # from second 1 to 3
@@ -71,7 +71,7 @@ def test_what_is_over_is_forgotten_after_the_window() -> None:
 
 
 def test_counts_that_restart_are_no_growth_of_what_was() -> None:
-    recent = Recent(window_s=5.0)
+    recent = CountWindow(window_s=5.0)
     recent.growth({"received": 1000.0, "gaps": 3.0}, now=0.0)
     recent.growth({"received": 1500.0, "gaps": 3.0}, now=6.0)
     assert recent.growth({"received": 20.0, "gaps": 1.0}, now=7.0) == {"received": 520.0, "gaps": 1.0}
@@ -127,10 +127,10 @@ def test_torques_that_all_go_without_a_residual_are_reported() -> None:
 
 def test_the_worst_level_stays_and_all_texts_are_reported() -> None:
     stale = Status("angle", STALE, "no data", {"age_s": 3.0})
-    both = judged(stale, sample_findings({"received": 10.0, "outliers": 10.0, "gaps": 1.0}, "messages"))
+    both = with_findings(stale, sample_findings({"received": 10.0, "outliers": 10.0, "gaps": 1.0}, "messages"))
     assert both.level == STALE and both.tell.keys() == {"unfit", "gaps"} and both.values == stale.values
     assert both.message.count("; ") == 2
-    assert judged(stale, []) is stale
+    assert with_findings(stale, []) is stale
 
 
 @pytest.mark.parametrize(

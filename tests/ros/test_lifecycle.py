@@ -14,8 +14,8 @@ from sensor_msgs.msg import JointState
 from tests.campaign import more
 from tests.ros.suite import RELIABLE, SECOND_NS, Suite, shaft_angles
 from tests.ros.test_live_topics import joint_state, stamp_of
+from textile_twin_ros.node_runner import EXECUTORS
 from textile_twin_ros.pacing import Pace
-from textile_twin_ros.spinning import EXECUTORS
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from types import SimpleNamespace
 from typing import Any
 
@@ -79,7 +80,7 @@ def test_no_refusal_of_a_residual_or_a_contact_event_ends_the_node() -> None:
     given: list[Any] = []
     stream = TwinStream.__new__(TwinStream)
     names = ("balancing_torque/residual", "contact_events")
-    stream.publishers = {name: SimpleNamespace(get_subscription_count=lambda: 1) for name in names}
+    stream.subscribers = Counter(dict.fromkeys(names, 1))
     busy = {name: Busy(given.append, 1) for name in names}
     stream._queues = {name: PublishQueue(busy[name], 10) for name in names}
     stream._machine, stream._residual_messages = "loom", ResidualMessages()

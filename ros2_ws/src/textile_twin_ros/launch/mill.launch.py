@@ -14,9 +14,9 @@
 #
 # SPDX-License-Identifier: Apache-2.0
 
-"""A mill: a twin and, if wanted, a recorder for each machine, in a namespace of its own, with parameters from one file.
+"""A mill: for each machine a twin and, if wanted, view, recorder, monitor and fault book, in a namespace of its own.
 
-ros2 launch textile_twin_ros mill.launch.py machines:="m1 m2 m3" params_file:=mill.yaml record:=out/recordings
+ros2 launch textile_twin_ros mill.launch.py machines:="m1 m2 m3" record:=out/recordings book:=out/faults
 """
 
 from pathlib import Path
@@ -30,21 +30,26 @@ from launch_ros.substitutions import FindPackageShare
 
 def nodes(context: LaunchContext) -> list[Node]:
     """The nodes of all machines named."""
-    mill, machines, recordings = (LaunchConfiguration(name).perform(context) for name in ("mill", "machines", "record"))
-    file = LaunchConfiguration("params_file").perform(context)
+    names = ("mill", "machines", "record", "book", "view", "params_file")
+    mill, machines, recordings, book, view, file = (LaunchConfiguration(name).perform(context) for name in names)
     if not Path(file).is_file():  # the nodes would run with their defaults
         raise FileNotFoundError(f"params_file:={file}: there is no such file")
     if not machines.split():
         raise ValueError('machines:=: name at least one, as in machines:="m1 m2"')
-    parameters: dict[str, object] = {"twin_node": file}
+    parameters: dict[str, list[object]] = {"twin_node": [file]}
+    if view.lower() == "true":
+        parameters["view_node"] = [file]
     if recordings:
-        parameters["record_node"] = {"folder": recordings}
+        parameters["record_node"] = [{"folder": recordings}]
+    if book:
+        parameters["monitor_node"] = [file, {"book": book}]
+        parameters["fault_node"] = [{"book": book}]
     return [
         Node(
             package="textile_twin_ros",
             executable=node,
             namespace=f"/{mill}/{machine}",
-            parameters=[own],
+            parameters=own,
             output="screen",
         )
         for machine in machines.split()
@@ -58,8 +63,10 @@ def generate_launch_description() -> LaunchDescription:
         [
             DeclareLaunchArgument("mill", default_value="mill", description="namespace of the mill"),
             DeclareLaunchArgument("machines", default_value="m1 m2", description="namespaces of its machines"),
-            DeclareLaunchArgument("params_file", default_value=config, description="parameters of the twins"),
+            DeclareLaunchArgument("params_file", default_value=config, description="parameters of the nodes"),
+            DeclareLaunchArgument("view", default_value="false", description="serve rerun viewers"),
             DeclareLaunchArgument("record", default_value="", description="folder of recordings; empty records none"),
+            DeclareLaunchArgument("book", default_value="", description="folder of the fault book; empty keeps none"),
             OpaqueFunction(function=nodes),
         ]
     )

@@ -35,7 +35,7 @@ import yaml
 
 pytest.importorskip("rclpy")
 
-from textile_twin_ros.own_topics import OwnTopics
+from textile_twin_ros.machine_namespace import MachineNamespace
 
 PACKAGE = Path(__file__).parent.parent
 NODES = (
@@ -127,6 +127,32 @@ def test_a_recording_of_any_machine_is_launched(
     assert parameters["record_node"]["stop_when_idle_s"] > 2.0 * heartbeat_s
 
 
+def test_a_mill_launches_every_node_of_every_machine(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Check the nodes' arguments without the launch system, which the wheels do not have."""
+    pytest.importorskip("rerun")
+    file = PACKAGE / "config" / "mill.yaml"
+    arguments = {"mill": "hall", "machines": "m1 m2", "record": "", "book": "", "view": "false"}
+    arguments["params_file"] = str(file)
+    for name in ("launch", "launch.actions", "launch.substitutions", "launch_ros.actions", "launch_ros.substitutions"):
+        monkeypatch.setitem(sys.modules, name, MagicMock())
+    sys.modules["launch.substitutions"].LaunchConfiguration = lambda name: MagicMock(perform=lambda _: arguments[name])
+    sys.modules["launch_ros.actions"].Node = MagicMock(side_effect=lambda **words: words)
+    nodes = runpy.run_path(str(PACKAGE / "launch" / "mill.launch.py"))["nodes"]
+    assert [node["executable"] for node in nodes(None)] == ["twin_node", "twin_node"]
+    arguments |= {"record": "out/recordings", "book": "out/faults", "view": "true"}
+    made = nodes(None)
+    started = {(node["namespace"], node["executable"]) for node in made}
+    every = {"twin_node", "view_node", "record_node", "monitor_node", "fault_node"}
+    assert started == {(f"/hall/{machine}", node) for machine in ("m1", "m2") for node in every}
+    shared = yaml.safe_load(file.read_text())["/**"]["ros__parameters"]
+    for node in made:  # each knows the parameters that it is given
+        module = importlib.import_module(f"textile_twin_ros.{node['executable']}")
+        declaration = getattr(module, f"{node['executable'].removesuffix('_node').capitalize()}Parameters")
+        known = {field.name for field in dataclasses.fields(declaration)}
+        for given in node["parameters"]:
+            assert set(shared if given == str(file) else given) <= known, node["executable"]
+
+
 def test_layouts_show_topics_of_the_suite() -> None:
     foxglove = json.loads((PACKAGE / "layouts" / "foxglove.json").read_text())
     panels = foxglove["configById"]
@@ -143,7 +169,7 @@ def test_layouts_show_topics_of_the_suite() -> None:
         curves = [curve.removesuffix(suffix) for curve in curves]
     # A name that only a machine has, in a namespace that is not the root's, would be another machine's.
     for topic in shown + curves:
-        assert OwnTopics("/").has(topic) and not OwnTopics("/").has(f"/other{topic}"), topic
+        assert MachineNamespace("/").has(topic) and not MachineNamespace("/").has(f"/other{topic}"), topic
 
 
 def test_the_manifest_is_of_a_python_package() -> None:

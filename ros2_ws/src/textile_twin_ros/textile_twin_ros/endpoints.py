@@ -21,9 +21,11 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterable
+from typing import Any
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from textile_twin_core.errors import SceneError
@@ -93,14 +95,20 @@ def latched_qos() -> QoSProfile:
     return QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-def is_latched(topic: str) -> bool:
-    """Return whether late subscribers of this topic need its last message."""
-    return topic.rsplit("/", 1)[-1] in ("robot_description", "markers", "tf_static", "map")
-
-
 def relative_name(topic: str) -> str:
     """A recorded topic's name without leading slash, so that a namespace can go before it; /tf and the like stay."""
     return topic if topic in ("/tf", "/tf_static", "/diagnostics", "/clock") else topic.lstrip("/")
+
+
+def take_next(subscription: Subscription, message_type: type) -> tuple[bytes, dict[str, Any]] | None:
+    """Take the next message that waits, with its stamps by the middleware; None without one.
+
+    An executor gives one message per wake, and rclpy has no public method to take one.
+    """
+    handle = subscription.handle
+    with handle:
+        taken: tuple[bytes, dict[str, Any]] | None = handle.take_message(message_type, True)
+    return taken
 
 
 def describe_publishers(node: Node, topic: str, msgtype: str) -> str:
@@ -146,6 +154,20 @@ def recording_qos(publishers: list[TopicEndpointInfo], depth: int) -> QoSProfile
         history=HistoryPolicy.KEEP_LAST,
         depth=depth,
         reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+    )
+
+
+def replayed_qos(offered: OfferedQos, depth: int) -> QoSProfile:
+    """The quality of service that a recorded topic was offered with; its queue holds `depth` messages or more.
+
+    A latched topic keeps its own depth: a late subscriber gets as many messages as from the recorded publisher.
+    """
+    latched = offered.durability == "transient_local"
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=offered.depth if latched else max(offered.depth, depth),
+        reliability=RELIABILITY[offered.reliability],
         durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
     )
 

@@ -26,7 +26,6 @@ from dataclasses import asdict, dataclass
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from diagnostic_msgs.srv import SelfTest
-from rclpy.node import Node
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
@@ -35,9 +34,9 @@ from textile_twin_core.recordings.fault_book import Fault, FaultBook
 from textile_twin_core.recordings.rolling_recording import RollingRecording
 from textile_twin_ros.diagnostics import ERROR, OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for
+from textile_twin_ros.node_runner import EXECUTORS, call_every, run
 from textile_twin_ros.parameters import declare, parameter
-from textile_twin_ros.record_inlets import Inlets
-from textile_twin_ros.spinning import EXECUTORS, call_every, run
+from textile_twin_ros.topic_subscriptions import Received, Recorder, TopicSubscriptions
 
 _DISCOVER_S = 0.1
 _LOOK_S = 0.5
@@ -63,10 +62,10 @@ class FaultParameters:
     rate_hz: float = parameter(
         1000.0, "messages a second of the fastest topic: queues hold five seconds", between=(1.0, 1e5)
     )
-    executor: str = parameter("events", "how callbacks are run", choices=EXECUTORS)
+    executor: str = parameter("single", "how callbacks are run; events records no times of sending", choices=EXECUTORS)
 
 
-class FaultNode(Node):
+class FaultNode(Recorder):
     """Records all topics into files that roll, and cuts a recording out of them for every fault in the book."""
 
     def __init__(self) -> None:
@@ -84,7 +83,9 @@ class FaultNode(Node):
         self._trouble, self._retry_s = "", 0.0
         self._cutter: threading.Thread | None = None
         self._cut: tuple[int, str] | TwinError | OSError | None = None
-        self._inlets = Inlets(self, settings.topics, settings.types, depth_for(settings.rate_hz), self._take)
+        self._topics = TopicSubscriptions(
+            self, settings.topics, settings.types, depth_for(settings.rate_hz), self._take
+        )
         self._begin()
         self.create_service(SelfTest, "~/list", self._on_list)
         self.create_service(Trigger, "~/acknowledge", self._on_acknowledge)
@@ -102,11 +103,11 @@ class FaultNode(Node):
         if self._cutter is not None:
             self._cutter.join()
         until = time.monotonic() + _DRAIN_S
-        for topic, raw in self._inlets.waiting():
+        for topic, message in self._topics.waiting():
             if self._rolling is None or time.monotonic() > until:
                 break
-            self._take(topic, raw)
-        self._inlets.write_to(None)
+            self._take(topic, message)
+        self._topics.write_to(None)
         if self._rolling is not None:
             self._rolling.close()
         self._book.close()
@@ -116,10 +117,10 @@ class FaultNode(Node):
         place = self._source.rstrip("/").replace("/", "_")
         with self._disk():
             self._rolling = RollingRecording(self._book.folder / f".rolling{place}")
-            self._inlets.write_to(self._rolling.writer)
+            self._topics.write_to(self._rolling.writer)
             self._trouble = ""
-            for topic, raw in self._inlets.latched():  # published once, perhaps before
-                self._take(topic, raw)
+            for topic, message in self._topics.latched():  # published once, perhaps before
+                self._take(topic, message)
 
     @contextmanager
     def _disk(self) -> Iterator[None]:
@@ -127,7 +128,7 @@ class FaultNode(Node):
         try:
             yield
         except (OSError, TwinError) as error:
-            self._inlets.write_to(None)
+            self._topics.write_to(None)
             if self._rolling is not None:
                 self._rolling.abandon()
             self._rolling, self._retry_s = None, time.monotonic() + _RETRY_S
@@ -135,12 +136,12 @@ class FaultNode(Node):
 
     def _discover(self) -> None:
         with self._disk():
-            self._inlets.discover()
+            self._topics.discover()
 
-    def _take(self, topic: str, raw: bytes) -> None:
-        if self._rolling is not None and not self._inlets.is_anothers(topic, raw):
+    def _take(self, topic: str, message: Received) -> None:
+        if self._rolling is not None and not self._topics.is_anothers(topic, message.raw):
             with self._disk():
-                self._rolling.writer.write(topic, time.time_ns(), raw)
+                self._rolling.writer.write(topic, message.received_ns, message.raw, message.sent_ns)
 
     def _look(self) -> None:
         """Keep the book, the disk and the recordings in step."""
@@ -167,19 +168,20 @@ class FaultNode(Node):
         complete_ns = now_ns - round((settings.after_s + _MARGIN_S) * 1e9)
         ready = next((fault for fault in waiting if fault.raised_ns <= complete_ns), None)
         if ready is not None and self._cutter is None and time.monotonic() > self._retry_s:
-            latched = self._inlets.latched()
+            latched = self._topics.latched()
             self._cutter = threading.Thread(target=self._cut_out, args=(rolling, ready, latched), name="cutter")
             self._cutter.start()
 
-    def _cut_out(self, rolling: RollingRecording, fault: Fault, latched: list[tuple[str, bytes]]) -> None:
+    def _cut_out(self, rolling: RollingRecording, fault: Fault, latched: list[tuple[str, Received]]) -> None:
         """Make a fault's own recording, beside the callbacks."""
         path = self._book.folder / f"fault_{fault.number}"
         before_ns, after_ns = (round(each * 1e9) for each in (self.settings.before_s, self.settings.after_s))
         custom = {"fault": str(fault.number), "machine": fault.machine, "kind": fault.kind, "text": fault.text}
         try:
             # A process that was killed after the recording took its name did not come to enter it.
+            first = [(topic, last.raw) for topic, last in latched]
             made = path.exists() or rolling.cut(
-                fault.raised_ns - before_ns, fault.raised_ns + after_ns, path, latched, custom
+                fault.raised_ns - before_ns, fault.raised_ns + after_ns, path, first, custom
             )
             self._cut = fault.number, path.name if made else ""
         except (OSError, TwinError) as error:

@@ -56,7 +56,7 @@ class Finding:
     text: str
 
 
-class Recent:
+class CountWindow:
     """Growth of counts in the last seconds.
 
     Args:
@@ -272,7 +272,7 @@ def state_level(state: str) -> bytes:
     return level
 
 
-def judged(status: Status, findings: Iterable[Finding]) -> Status:
+def with_findings(status: Status, findings: Iterable[Finding]) -> Status:
     """The status with the worst of its own level and the findings', and all of their texts; the log has them too."""
     found = list(findings)
     if not found:

@@ -59,7 +59,7 @@ def message_class(name: str) -> Any:
         raise LookupError(f"message type '{name}' is not installed here") from error
 
 
-class OtherJointsError(MessageError):
+class ForeignJointsError(MessageError):
     """The message is of other joints, or of other fields of the joint: it does not concern who reads this one.
 
     Args:
@@ -144,10 +144,10 @@ class JointReader(FieldReader):
         def places(layout: MessageLayout) -> list[tuple[str, int]]:
             names = layout.names
             if joint not in names:
-                raise OtherJointsError(f"has no joint '{joint}', only: {', '.join(names) or 'none at all'}", names)
+                raise ForeignJointsError(f"has no joint '{joint}', only: {', '.join(names) or 'none at all'}", names)
             number = names.index(joint)
             if number >= layout.fields[fields[0]][1]:
-                raise OtherJointsError(f"has no {fields[0]} of joint '{joint}'", names)
+                raise ForeignJointsError(f"has no {fields[0]} of joint '{joint}'", names)
             return [(name, number) for name in fields]
 
         super().__init__(JOINT_STATE, places)
@@ -163,7 +163,7 @@ class PositionsReader(FieldReader):
             names = layout.names
             for joint in joints:
                 if joint not in names or names.index(joint) >= layout.fields["position"][1]:
-                    raise OtherJointsError(f"has no position of joint '{joint}'", names)
+                    raise ForeignJointsError(f"has no position of joint '{joint}'", names)
             numbers = [names.index(joint) for joint in joints]
             self._order = [sorted(numbers).index(number) for number in numbers]
             return [("position", number) for number in sorted(numbers)]

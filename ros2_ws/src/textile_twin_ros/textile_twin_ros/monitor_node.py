@@ -33,13 +33,13 @@ from textile_twin_core.twin.restart import RestartWatch
 from textile_twin_ros.diagnostics import ERROR, OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for
 from textile_twin_ros.fault_log import FaultLog
-from textile_twin_ros.health import Finding, judged, sample_counts
+from textile_twin_ros.health import Finding, sample_counts, with_findings
 from textile_twin_ros.machine import load_linkage
+from textile_twin_ros.node_runner import EXECUTORS, call_every, run
 from textile_twin_ros.parameters import declare, parameter
 from textile_twin_ros.sample_inputs import Sample
 from textile_twin_ros.sensor_parameters import SensorParameters
 from textile_twin_ros.shaft_inputs import AngleInput, TorqueInput
-from textile_twin_ros.spinning import EXECUTORS, call_every, run
 from textile_twin_ros.trend_folder import TrendFolder
 from textile_twin_ros.turn_watch import TurnWatch
 
@@ -160,7 +160,7 @@ class MonitorNode(Node):
         notes = [Finding("torques at an end of their range", WARN, note) for note in self._notes]
         if self._book is not None and self._book.trouble:
             notes.append(Finding("fault book", ERROR, self._book.trouble))
-        return [*inputs, judged(self._faults(), [*self._turns.findings(), *notes])]
+        return [*inputs, with_findings(self._faults(), [*self._turns.findings(), *notes])]
 
     def _faults(self) -> Status:
         """Standing faults of the machine."""

@@ -34,8 +34,9 @@ from textile_twin_core.errors import SceneError
 from textile_twin_core.shaft.counter import CounterUnwrapper
 from textile_twin_ros.diagnostics import ERROR, OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for, samples_qos
-from textile_twin_ros.health import Finding, Recent, judged
+from textile_twin_ros.health import CountWindow, Finding, with_findings
 from textile_twin_ros.messages import JointTemplate, TorqueReader, WrenchTemplate
+from textile_twin_ros.node_runner import EXECUTORS, finish_with, run
 from textile_twin_ros.opcua_security import (
     CertificateWatch,
     ClientSecurity,
@@ -46,7 +47,6 @@ from textile_twin_ros.opcua_values import NodeName, Value, Values
 from textile_twin_ros.parameters import parameter
 from textile_twin_ros.plc_registers import counter_of
 from textile_twin_ros.publishing import Publish, create_publish
-from textile_twin_ros.spinning import EXECUTORS, finish_with, run
 
 if TYPE_CHECKING:
     from asyncua.client.client import Client
@@ -108,7 +108,7 @@ class OpcuaNode(Node):
         self._counts_width: int | None = None
         self._time_from = "source"
         self.counts: Counter[str] = Counter(angles=0, torques=0, unfit=0, overflows=0, failures=0)
-        self._recent, self._trouble, self._refusal = Recent(), "not connected yet", ""
+        self._recent, self._trouble, self._refusal = CountWindow(), "not connected yet", ""
         self._latest: float | None = None
         self._create_topics()
         self._diagnostics = DiagnosticsPublisher(self, lambda: settings.url, self._statuses)
@@ -243,7 +243,7 @@ class OpcuaNode(Node):
             self.get_logger().warning(f"{self.settings.url}: {text}; trying again every second")
 
     def _statuses(self) -> list[Status]:
-        return [judged(self._status(), [*self._clock_findings(), *self._certificates.findings()])]
+        return [with_findings(self._status(), [*self._clock_findings(), *self._certificates.findings()])]
 
     def _clock_findings(self) -> list[Finding]:
         if self._time_from == "source" or self._trouble:

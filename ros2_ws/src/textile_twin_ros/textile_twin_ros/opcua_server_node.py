@@ -39,9 +39,10 @@ from textile_twin_core.errors import SceneError, TwinError
 from textile_twin_core.recordings.fault_book import FaultBook
 from textile_twin_ros.diagnostics import ERROR, OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for, samples_qos
-from textile_twin_ros.health import judged
+from textile_twin_ros.health import with_findings
 from textile_twin_ros.machine import load_machine
 from textile_twin_ros.messages import JointReader, MessageError, TorqueReader
+from textile_twin_ros.node_runner import EXECUTORS, finish_with, run
 from textile_twin_ros.opcua_alarms import Alarms
 from textile_twin_ros.opcua_machinery import MachineSpace
 from textile_twin_ros.opcua_security import (
@@ -51,7 +52,6 @@ from textile_twin_ros.opcua_security import (
     declare_connection,
 )
 from textile_twin_ros.parameters import parameter
-from textile_twin_ros.spinning import EXECUTORS, finish_with, run
 from textile_twin_ros.twin_outputs import Thinning
 
 if TYPE_CHECKING:
@@ -240,7 +240,7 @@ class OpcuaServerNode(Node):
         }
 
     def _statuses(self) -> list[Status]:
-        return [judged(self._status(), self._certificates.findings())]
+        return [with_findings(self._status(), self._certificates.findings())]
 
     def _status(self) -> Status:
         values = dict(self.counts) | {"state": self._state()}

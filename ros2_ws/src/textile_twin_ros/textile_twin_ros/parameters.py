@@ -24,7 +24,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
-from rclpy.exceptions import InvalidParameterTypeException
+from rclpy.exceptions import InvalidParameterTypeException, ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -110,10 +110,8 @@ def _declare_one(node: Node, field: dataclasses.Field[Any]) -> Any:
         raise SceneError(f"parameter '{field.name}' must be {_kind_name(field)}: {error}") from error
     except ValueError as error:
         raise SceneError(str(error)) from error
-    except Exception as error:  # rclpy raises several kinds for a value out of its declared range
-        if type(error).__module__.startswith("rclpy"):
-            raise SceneError(f"parameter '{field.name}': {error}") from error
-        raise
+    except ParameterException as error:
+        raise SceneError(f"parameter '{field.name}': {error}") from error
 
 
 def _checked(field: dataclasses.Field[Any], value: Any) -> Any:

@@ -31,13 +31,13 @@ from sensor_msgs.msg import JointState
 from textile_twin_core.errors import SceneError
 from textile_twin_ros.diagnostics import ERROR, OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for, samples_qos
-from textile_twin_ros.health import Recent
+from textile_twin_ros.health import CountWindow
 from textile_twin_ros.messages import JointTemplate, TorqueReader, WrenchTemplate
+from textile_twin_ros.node_runner import EXECUTORS, finish_with, run
 from textile_twin_ros.pacing import Pace
 from textile_twin_ros.parameters import declare, parameter
 from textile_twin_ros.plc_registers import BYTE_ORDERS, RefusedError, Register, Registers, counter_of
 from textile_twin_ros.publishing import Publish, create_publish
-from textile_twin_ros.spinning import EXECUTORS, finish_with, run
 
 _RETRY_S = 1.0
 _TINY = 1e-30
@@ -102,7 +102,7 @@ class PlcNode(Node):
         self.counts: Counter[str] = Counter(received=0, implausible=0, missed=0, failures=0)
         self._counter = counter_of(values["angle"].counter_width, settings.angle_unit_rad)
         self._floats = {name for name, value in values.items() if value is not None and value.is_float}
-        self._recent, self._trouble, self._refusal = Recent(), "not connected yet", ""
+        self._recent, self._trouble, self._refusal = CountWindow(), "not connected yet", ""
         self._last_sequence: int | None = None
         self._implausible = ""
         self._latest: float | None = None

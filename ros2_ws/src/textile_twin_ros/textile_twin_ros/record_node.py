@@ -25,7 +25,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rclpy.node import Node
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
@@ -33,11 +32,11 @@ from textile_twin_core.errors import RecordingError, SceneError, TwinError
 from textile_twin_core.files import remove
 from textile_twin_ros.diagnostics import OK, WARN, WINDOW_S, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for, topic_name
+from textile_twin_ros.node_runner import EXECUTORS, call_every, run
 from textile_twin_ros.parameters import declare, parameter
-from textile_twin_ros.record_inlets import Inlets
 from textile_twin_ros.record_progress import Progress
-from textile_twin_ros.recording_place import RecordingPlace
-from textile_twin_ros.spinning import EXECUTORS, call_every, run
+from textile_twin_ros.recording_path import RecordingPath
+from textile_twin_ros.topic_subscriptions import Received, Recorder, TopicSubscriptions
 
 if TYPE_CHECKING:
     from textile_twin_core.recordings import BagWriter
@@ -85,11 +84,11 @@ class RecordParameters:
     no_data_timeout_s: float = parameter(
         2.0, "say so when a topic stays silent for so long", between=(0.1, 1e6), live=True
     )
-    executor: str = parameter("events", "how callbacks are run", choices=EXECUTORS)
+    executor: str = parameter("single", "how callbacks are run; events records no times of sending", choices=EXECUTORS)
 
 
-class RecordNode(Node):
-    """Subscribes to bytes and writes them as they are; the log time is when they were taken.
+class RecordNode(Recorder):
+    """Subscribes to bytes and writes them as they are: log time is that of reception, publish time that of sending.
 
     A recording begins with the last message of each latched topic.
     """
@@ -97,7 +96,7 @@ class RecordNode(Node):
     def __init__(self) -> None:
         super().__init__("record_node")
         self.settings = declare(self, RecordParameters)
-        self._place = RecordingPlace(self.settings.bag, self.settings.folder, self.get_namespace())
+        self._place = RecordingPath(self.settings.bag, self.settings.folder, self.get_namespace())
         self.executor_name = self.settings.executor
         self.finished = Future()
         enough = dict(self._parse_count(text) for text in self.settings.stop_after)
@@ -108,7 +107,7 @@ class RecordNode(Node):
         self._looked = time.monotonic()
         self._stood_still, self._stood_until = "", -math.inf
         depth = depth_for(self.settings.rate_hz, self.settings.queue_s)
-        self._inlets = Inlets(self, self.settings.topics, self.settings.types, depth, self._take)
+        self._topics = TopicSubscriptions(self, self.settings.topics, self.settings.types, depth, self._take)
         if self.settings.start:
             self._open()
         self.create_service(Trigger, "~/start", self._on_start)
@@ -128,7 +127,7 @@ class RecordNode(Node):
             return
         self._drain(self._writer)
         writer, path, self._writer = self._writer, self._writer.path, None
-        self._inlets.write_to(None)
+        self._topics.write_to(None)
         try:
             writer.close()
         except OSError as error:
@@ -146,14 +145,14 @@ class RecordNode(Node):
             RecordingError: the disk takes no more, or the file has gone.
         """
         until = time.monotonic() + LONGEST_DRAIN_S
-        for topic, raw in self._inlets.waiting():
+        for topic, message in self._topics.waiting():
             if time.monotonic() > until:
                 self.get_logger().warning(
                     f"more messages wait than {LONGEST_DRAIN_S:g} s are enough for: those left are not recorded"
                 )
                 return
             try:
-                self._write(writer, topic, raw)
+                self._write(writer, topic, message)
             except OSError as error:
                 self._close_writer()
                 raise self._cut_short(writer.path, error) from error
@@ -185,36 +184,36 @@ class RecordNode(Node):
             split_s=settings.split_minutes * 60.0,
         )
         self._progress.begin()
-        self._inlets.write_to(writer)
+        self._topics.write_to(writer)
         self.get_logger().info(f"recording to {path}")
         if settings.keep_GB and (room_GB := self._place.room_bytes(path) * 1e-9) < settings.keep_GB:
             self.get_logger().warning(
                 f"keep_GB: {settings.keep_GB:g} are more than the {room_GB:.3g} that the disk of {path} has room for:"
                 " the recording ends when it is full; set less"
             )
-        for topic, raw in self._inlets.latched():  # said once, perhaps before this recording
-            self._take(topic, raw)
+        for topic, message in self._topics.latched():  # published once, perhaps before this recording
+            self._take(topic, message)
 
     def _discover(self) -> None:
         """Subscribe to new topics and declare them in the recording."""
         try:
-            self._inlets.discover()
+            self._topics.discover()
         except OSError as error:
             if self._writer is None:
                 raise
             self._end_recording(self._writer.path, error)
 
-    def _take(self, topic: str, raw: bytes) -> None:
+    def _take(self, topic: str, message: Received) -> None:
         if self._writer is None:
             return
         try:
-            self._write(self._writer, topic, raw)
+            self._write(self._writer, topic, message)
         except OSError as error:
             self._end_recording(self._writer.path, error)
 
-    def _write(self, writer: BagWriter, topic: str, raw: bytes) -> None:
-        if not self._inlets.is_anothers(topic, raw):
-            writer.write(topic, time.time_ns(), raw)
+    def _write(self, writer: BagWriter, topic: str, message: Received) -> None:
+        if not self._topics.is_anothers(topic, message.raw):
+            writer.write(topic, message.received_ns, message.raw, message.sent_ns)
             self._progress.take(topic)
 
     def _keep_house(self) -> None:
@@ -263,7 +262,7 @@ class RecordNode(Node):
     def _close_writer(self) -> None:
         """Leave the recording as it is on the disk; one without a message goes where its name is ours."""
         writer, self._writer = self._writer, None
-        self._inlets.write_to(None)
+        self._topics.write_to(None)
         if writer is not None:
             with suppress(TwinError, OSError):
                 writer.close()
@@ -277,14 +276,14 @@ class RecordNode(Node):
         return RecordingError(reason)
 
     def _silence(self) -> str:
-        wanted = self._inlets.wanted
+        wanted = self._topics.wanted
         if not wanted:
             return f"nothing to record for {self.settings.no_data_timeout_s:g} s"
-        silent = self._inlets.describe({topic for topic in wanted if not self._progress.counts[topic]})
+        silent = self._topics.describe({topic for topic in wanted if not self._progress.counts[topic]})
         return f"no data to record for {self.settings.no_data_timeout_s:g} s: {silent or 'all topics fell silent'}"
 
     def _statuses(self) -> list[Status]:
-        values: dict[str, object] = {topic: self._progress.counts[topic] for topic in self._inlets.topics}
+        values: dict[str, object] = {topic: self._progress.counts[topic] for topic in self._topics.topics}
         if self._writer is None:
             return [Status("recording", OK, "not recording", values)]
         if self._reported_silent:

@@ -30,14 +30,14 @@ from rclpy.task import Future
 from rosgraph_msgs.msg import Clock
 
 from textile_twin_core.errors import RecordingError, SceneError
-from textile_twin_ros.endpoints import is_latched, latched_qos, relative_name, samples_qos
+from textile_twin_ros.endpoints import relative_name, replayed_qos, samples_qos
+from textile_twin_ros.machine_namespace import published_by_twins
 from textile_twin_ros.messages import SECOND_NS, has_header, message_class, shift_stamp, stamp_of
-from textile_twin_ros.own_topics import published_by_twins
+from textile_twin_ros.node_runner import EXECUTORS, finish_with, run
 from textile_twin_ros.pacing import Pace
 from textile_twin_ros.parameters import declare, parameter
-from textile_twin_ros.played_times import PlayedTimes
+from textile_twin_ros.playback_clock import PlaybackClock
 from textile_twin_ros.publishing import retry_publish
-from textile_twin_ros.spinning import EXECUTORS, finish_with, run
 
 _LOOK_S = 0.02
 _SETTLED_S = 0.5
@@ -80,7 +80,7 @@ class ReplayParameters:
 
 
 class ReplayNode(Node):
-    """Publishes the bytes of a recording from a thread of its own, paced by the times at which they were recorded."""
+    """Publishes the bytes of a recording from a thread of its own, paced by their log times, as they were offered."""
 
     def __init__(self) -> None:
         # Optional packages are imported where they are used, so that a missing one gives one line.
@@ -141,7 +141,7 @@ class ReplayNode(Node):
             raise RecordingError(
                 f"{self.settings.bag}: {topic}: {error}; choose with 'topics' among {others}"
             ) from error
-        qos = latched_qos() if is_latched(topic) else samples_qos(self.settings.qos_depth)
+        qos = replayed_qos(self._bag.topics[topic].qos, self.settings.qos_depth)
         return self.create_publisher(message_type, relative_name(topic), qos)
 
     def _parse_need(self, text: str) -> tuple[str, int]:
@@ -157,7 +157,7 @@ class ReplayNode(Node):
         self.get_logger().info(f"playing {self.settings.bag}: {', '.join(sorted(self._topics))}")
         began = time.monotonic()
         self._pace.start()
-        times = PlayedTimes(round(self.settings.longest_pause_s * SECOND_NS))
+        times = PlaybackClock(round(self.settings.longest_pause_s * SECOND_NS))
         shift_ns = 0
         while self._play_once(times, shift_ns) and self.settings.loop:
             shift_ns += times.repeat()
@@ -168,7 +168,7 @@ class ReplayNode(Node):
             self._stop.wait()
         return 0 if complete else 1
 
-    def _play_once(self, times: PlayedTimes, shift_ns: int) -> bool:
+    def _play_once(self, times: PlaybackClock, shift_ns: int) -> bool:
         """Play the recording once, stamps moved by so much [ns]; False when stopped in the middle."""
         clock_ns: int | None = None
         for topic, log_ns, raw in self._bag.raw_messages(self._topics):

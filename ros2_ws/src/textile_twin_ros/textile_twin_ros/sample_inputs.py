@@ -22,10 +22,10 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from math import isfinite
 from time import monotonic, perf_counter_ns, time_ns
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
-from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEventCallbacks
+from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, QoSSubscriptionMatchedInfo, SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import QoSPolicyKind
 from rclpy.qos_overriding_options import QoSOverridingOptions
@@ -33,29 +33,29 @@ from rclpy.subscription import Subscription
 
 from textile_twin_core.recordings.message_types import FLOAT64, HEADER, JOINT_STATE, WRENCH
 from textile_twin_ros.diagnostics import InputWatch, Status
-from textile_twin_ros.endpoints import NAMELESS, describe_publishers, publisher_name, samples_qos
+from textile_twin_ros.endpoints import NAMELESS, describe_publishers, publisher_name, samples_qos, take_next
+from textile_twin_ros.foreign_joints import ForeignJoints
 from textile_twin_ros.health import (
+    CountWindow,
     Finding,
-    Recent,
     burst_findings,
     joint_findings,
-    judged,
     late_findings,
     publisher_findings,
     sample_findings,
     stamp_findings,
+    with_findings,
 )
 from textile_twin_ros.messages import (
+    ForeignJointsError,
     HeaderReader,
     JointReader,
     MessageError,
-    OtherJointsError,
     TorqueReader,
     message_class,
     read_float64,
 )
-from textile_twin_ros.other_joints import OtherJoints
-from textile_twin_ros.spinning import catch_up
+from textile_twin_ros.node_runner import run_overdue_tasks
 
 #: Stamp [ns], that of arrival where the message has none; value; its rate where the message has it, otherwise NaN.
 Sample: TypeAlias = tuple[int, float, float]
@@ -69,7 +69,7 @@ _BLOCK = 64
 _WINDOW = 512
 """Latest samples whose stamps are looked at for bursts."""
 _PAUSE_NS = 100_000
-_CATCH_UP_NS = 200_000_000
+_OVERDUE_NS = 200_000_000
 _NAN = float("nan")
 _NAME_S = 2.0
 """Publishers may be without a name so long."""
@@ -169,12 +169,12 @@ class SampleInput:
         self._read = create_reader(joint)
         self._automatic = reliability == "auto"
         self._renew_due = self._ended = False
-        self._joint, self._other_joints = joint, OtherJoints()
-        self._recent = Recent()
+        self._joint, self._foreign_joints = joint, ForeignJoints()
+        self._recent = CountWindow()
         self._stamped = self.msgtype != FLOAT64
         self._newest_ns: int | None = None
         self._window: deque[tuple[int, float]] = deque(maxlen=_WINDOW)
-        self._ready_ns = self._catch_up_ns = 0
+        self._ready_ns = self._overdue_ns = 0
         self._late_s = 0.0
         self._all_named = monotonic()
         self.name = node.resolve_topic_name(topic)
@@ -188,7 +188,7 @@ class SampleInput:
             counts: what became of its samples, as `health.sample_findings` knows it.
             seen: other faults, reported first.
         """
-        others = self._other_joints
+        others = self._foreign_joints
         counts = {"other_joints": others.count, **(counts or {})}
         growth = self._recent.growth({"received": self.watch.received, "unreadable": self.watch.refused, **counts})
         status = self.watch.status(self._topic, counts, refusing=growth["unreadable"] > 0)
@@ -202,7 +202,7 @@ class SampleInput:
             *sample_findings(growth, "messages"),
             *publisher_findings(publishers if self.watch.received else (), self.name, others.sources()),
         ]
-        return judged(status, findings)
+        return with_findings(status, findings)
 
     def _burst_findings(self) -> list[Finding]:
         """Detect stamps in bursts among the latest samples; edges come when they pass."""
@@ -223,14 +223,13 @@ class SampleInput:
     def restart(self) -> None:
         """Restart the watch."""
         self.watch.restart()
-        self._recent, self._newest_ns = Recent(), None
-        self._other_joints = OtherJoints()
+        self._recent, self._newest_ns = CountWindow(), None
+        self._foreign_joints = ForeignJoints()
         self._window.clear()
 
     def has_publishers(self) -> bool:
-        """Return whether the topic has a publisher."""
-        with self._node.handle:  # the name is known to be valid: to check it again is most of the work
-            return bool(self._node.handle.get_count_publishers(self.name))
+        """Return whether the subscription has a publisher."""
+        return self._matched > 0
 
     def renew(self) -> None:
         """Subscribe again where a best-effort publisher has appeared; not from within the subscription's own events."""
@@ -245,15 +244,21 @@ class SampleInput:
         self._node.destroy_subscription(self._subscription)
 
     def _subscribe(self, reliability: str) -> Subscription:
+        self._matched = 0
         return self._node.create_subscription(
             self._message_class,
             self._topic,
             self._on_message,
             samples_qos(self._depth, reliability),
-            event_callbacks=SubscriptionEventCallbacks(incompatible_qos=self._on_incompatible),
+            event_callbacks=SubscriptionEventCallbacks(
+                incompatible_qos=self._on_incompatible, matched=self._on_matched
+            ),
             qos_overriding_options=_OVERRIDABLE,
             raw=True,
         )
+
+    def _on_matched(self, event: QoSSubscriptionMatchedInfo) -> None:
+        self._matched = event.current_count
 
     def _on_incompatible(self, event: QoSRequestedIncompatibleQoSInfo) -> None:
         policy = QoSPolicyKind(int(event.last_policy_kind)).name.lower()
@@ -271,7 +276,7 @@ class SampleInput:
         """Read this message and, where the node comes late, all that wait behind it."""
         # Asking in vain costs a tenth of a sample's work: nothing waits where there was time since the last one.
         now_ns = perf_counter_ns()
-        due = now_ns > self._catch_up_ns
+        due = now_ns > self._overdue_ns
         late = due or now_ns - self._ready_ns < _PAUSE_NS
         block: list[Sample] = []
         waiting: bytes | None = None if self._ended else raw
@@ -283,8 +288,8 @@ class SampleInput:
                 stamp, value, rate = self._read(waiting)
                 stamped = stamp is not None
                 block.append((self._node.get_clock().now().nanoseconds if stamp is None else stamp, value, rate))
-            except OtherJointsError as error:
-                self._other_joints.take(error)
+            except ForeignJointsError as error:
+                self._foreign_joints.take(error)
                 of_others += 1
             except MessageError as error:
                 self.watch.refuse(str(error))
@@ -298,17 +303,15 @@ class SampleInput:
             self.watch.took(received - of_others)
         self._ready_ns = perf_counter_ns()
         if due:
-            self._catch_up_ns = self._ready_ns + _CATCH_UP_NS
-            catch_up(self._node)
+            self._overdue_ns = self._ready_ns + _OVERDUE_NS
+            run_overdue_tasks(self._node)
 
     def _accept(self, block: list[Sample]) -> None:
         """Hand on the samples of a block; subclasses convert them first."""
         self._take(block)
 
     def _next(self) -> bytes | None:
-        """Take the next message that waits: the executor gives one per wake, and waking is a third of the work."""
-        handle = self._subscription.handle
-        with handle:
-            taken: Any = handle.take_message(self._message_class, True)
+        """Take the next message that waits: waking for it is a third of the work."""
+        taken = take_next(self._subscription, self._message_class)
         self._late_s = 0.0 if taken is None else (time_ns() - taken[1]["received_timestamp"]) * 1e-9
         return None if taken is None else taken[0]

@@ -33,7 +33,7 @@ from textile_twin_core.twin.encoder_reference import reference_of
 from textile_twin_core.twin.restart import RestartWatch
 from textile_twin_ros.diagnostics import Status
 from textile_twin_ros.health import Finding, unit_findings
-from textile_twin_ros.own_topics import SECOND_ANGLE
+from textile_twin_ros.machine_namespace import SECOND_ANGLE
 from textile_twin_ros.sample_inputs import ANGLE_READERS, EDGES, TORQUE_READERS, Sample, SampleInput
 from textile_twin_ros.sensor_parameters import SensorParameters
 
@@ -214,9 +214,9 @@ class TorqueInput(SampleInput):
         self._last_ns: int | None = None
 
     def _accept(self, block: list[Sample]) -> None:
-        super()._accept([(stamp, self._judged(stamp, value * self._unit), rate) for stamp, value, rate in block])
+        super()._accept([(stamp, self._checked(stamp, value * self._unit), rate) for stamp, value, rate in block])
 
-    def _judged(self, stamp_ns: int, torque_Nm: float) -> float:
+    def _checked(self, stamp_ns: int, torque_Nm: float) -> float:
         """The torque, NaN where it is unusable; counts the unusable ones."""
         if not abs(torque_Nm) <= LARGEST:  # one number that is absurd would spoil sums and scales for long
             self._rejected["rejected_not_finite"] += 1

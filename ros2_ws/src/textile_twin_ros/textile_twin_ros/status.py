@@ -33,7 +33,7 @@ from rclpy.qos import QoSProfile
 
 from textile_twin_core.errors import TwinError
 from textile_twin_ros.diagnostics import ERROR, OK, STALE, WARN
-from textile_twin_ros.own_topics import NODES
+from textile_twin_ros.machine_namespace import NODES
 
 _LISTEN_S = 2.5
 _SILENT_S = 3.5

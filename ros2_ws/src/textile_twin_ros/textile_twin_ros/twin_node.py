@@ -34,15 +34,15 @@ from textile_twin_core.twin.session import has_second_encoder
 from textile_twin_ros.description import Description
 from textile_twin_ros.diagnostics import OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import QUEUE_S, depth_for, publisher_name, refuse_own_outputs
-from textile_twin_ros.health import Finding, MeasuredTorque, judged
+from textile_twin_ros.health import Finding, MeasuredTorque, with_findings
 from textile_twin_ros.machine import load_machine
-from textile_twin_ros.own_topics import DESCRIPTIONS, INDEX, INPUTS, SECOND_ANGLE
+from textile_twin_ros.machine_namespace import DESCRIPTIONS, INDEX, INPUTS, SECOND_ANGLE
+from textile_twin_ros.node_runner import EXECUTORS, call_every, ends_at_once, is_refusal, run
 from textile_twin_ros.parameters import declare, parameter
 from textile_twin_ros.publishing import RCLError
 from textile_twin_ros.sample_inputs import Sample
 from textile_twin_ros.sensor_parameters import SensorParameters
 from textile_twin_ros.shaft_inputs import AngleInput, SecondAngleInput, TorqueInput
-from textile_twin_ros.spinning import EXECUTORS, call_every, ends_at_once, is_refusal, run
 from textile_twin_ros.twin_outputs import topics_of
 from textile_twin_ros.twin_stream import TwinStream
 
@@ -124,8 +124,9 @@ class TwinNode(LifecycleNode):
     def _refuse_what_does_not_fit(self) -> None:
         """Answer a transition that this state does not have with false.
 
-        The service of rclpy raises there, which ends the node, and its handler is private. The handler is therefore
-        wrapped by public attributes, `Node.services` and `Service.callback`.
+        The service of rclpy raises there, which ends the node (ros2/rclpy#1209), and its handler is private: it is
+        wrapped by public attributes, `Node.services` and `Service.callback`, until all supported distributions have
+        ros2/rclpy#1319.
         """
         service = next(service for service in self.services if service.srv_type is ChangeState)
         change = service.callback
@@ -160,7 +161,13 @@ class TwinNode(LifecycleNode):
             estimator = {"shaft_lag_s": settings.shaft_lag_s} if settings.shaft == "lag" else {}
             with ends_at_once():  # it may compile for a minute
                 self._stream = TwinStream(
-                    self, machine, settings.shaft, estimator, depth, lambda: settings.joint_states_rate_hz
+                    self,
+                    machine,
+                    settings.shaft,
+                    estimator,
+                    depth,
+                    lambda: settings.joint_states_rate_hz,
+                    self._choose_outputs,
                 )
         except TwinError as error:
             if self._starting:
@@ -231,7 +238,7 @@ class TwinNode(LifecycleNode):
             self._stream.take_torques([(stamp, torque) for stamp, torque, _ in block])
 
     def _look(self) -> None:
-        """Check listeners, start and the end of the input between samples."""
+        """Check start, torque and the end of the input between samples."""
         stream = self._stream
         if stream is None:
             return
@@ -243,11 +250,8 @@ class TwinNode(LifecycleNode):
                 throttle_duration_sec=10.0,
             )
         self._dropped = dropped
-        torque = self._torque
-        stream.choose_outputs(measured=torque is not None and (torque.watch.received > 0 or torque.has_publishers()))
-        if self._starting and all(
-            stream.publishers[topic].get_subscription_count() for topic in self.settings.wait_for
-        ):
+        self._choose_outputs()
+        if self._starting and all(stream.subscribers[topic] for topic in self.settings.wait_for):
             self.trigger_activate()
         if self._active and self._angle is not None and self._torque is not None:
             self._angle.renew()
@@ -258,6 +262,13 @@ class TwinNode(LifecycleNode):
             ended = self._angle.watch.received and self._angle.watch.silent_s > _ENDED_S
             if self.settings.shaft == "lag" and ended and not self._angle.has_publishers():
                 stream.flush()
+
+    def _choose_outputs(self) -> None:
+        """Compute what has subscribers now, and residuals where torque is measured."""
+        if self._stream is not None:
+            torque = self._torque
+            measured = torque is not None and (torque.watch.received > 0 or torque.has_publishers())
+            self._stream.choose_outputs(measured)
 
     def _statuses(self) -> list[Status]:
         stream, angle, torque = self._stream, self._angle, self._torque
@@ -275,7 +286,7 @@ class TwinNode(LifecycleNode):
             statuses.append(stream.residual_status(self._measured.rms_Nm(), limit_Nm, both_come))
         outputs = ", ".join(stream.wanted_topics()) or "nothing: nobody listens"
         status = Status("outputs", OK, f"computing {outputs}")
-        return [*statuses, judged(status, self._rivals())]
+        return [*statuses, with_findings(status, self._rivals())]
 
     def _rivals(self) -> list[Finding]:
         """Another twin on the same topics: listeners then hear both machines at once."""

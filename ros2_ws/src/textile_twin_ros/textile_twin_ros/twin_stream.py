@@ -19,9 +19,12 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 
 import numpy as np
+from rclpy.event_handler import PublisherEventCallbacks, QoSPublisherMatchedInfo
 from rclpy.lifecycle import LifecycleNode, LifecyclePublisher
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
@@ -32,7 +35,14 @@ from textile_twin_core.twin.session import Sample, has_second_encoder
 from textile_twin_ros import contact_events
 from textile_twin_ros.diagnostics import OK, WARN, Status
 from textile_twin_ros.endpoints import samples_qos
-from textile_twin_ros.health import Recent, judged, residual_findings, sample_counts, stalled_findings, state_level
+from textile_twin_ros.health import (
+    CountWindow,
+    residual_findings,
+    sample_counts,
+    stalled_findings,
+    state_level,
+    with_findings,
+)
 from textile_twin_ros.messages import message_class
 from textile_twin_ros.publishing import Publish, PublishQueue
 from textile_twin_ros.twin_outputs import (
@@ -59,6 +69,7 @@ class TwinStream:
         shaft: the estimator, with its settings.
         depth: of the publishers' queues.
         joint_rate_hz: returns the largest rate of joint_states.
+        on_matched: called where a topic has gained or lost a subscriber.
     """
 
     def __init__(
@@ -69,8 +80,9 @@ class TwinStream:
         settings: Mapping[str, float],
         depth: int,
         joint_rate_hz: Callable[[], float],
+        on_matched: Callable[[], None],
     ) -> None:
-        self._node = node
+        self._node, self._on_matched = node, on_matched
         self._machine = machine.name
         self._compile = twins_of(machine)
         self._outputs = outputs_of(machine, joint_rate_hz)
@@ -81,7 +93,7 @@ class TwinStream:
         self._has_second = has_second_encoder(machine)
         jumps = load_steps(self._compile((TORQUE,))) if self._has_torque else ()
         self._residuals = ResidualStream(machine.sensors.torque, jumps)
-        self._recent_residuals = Recent()
+        self._recent_residuals = CountWindow()
         self._residual_messages = ResidualMessages()
         self._session = self._idle.session(shaft, **settings)
         # One by one then costs less than a block, and gives the first of a block that came late sooner.
@@ -90,16 +102,23 @@ class TwinStream:
         self._wants_residual = self._wants_sigma = False
         self._calls: list[tuple[Callable[[Sample], bytes | None], Publish]] = []
         self._warm_up()
+        self.subscribers: Counter[str] = Counter()
+        """Number of subscribers by topic."""
         self.publishers: dict[str, LifecyclePublisher] = {
             topic: node.create_lifecycle_publisher(
                 message_class(msgtype),
                 topic,
                 samples_qos(depth),
                 qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+                event_callbacks=PublisherEventCallbacks(matched=partial(self._match, topic)),
             )
             for topic, msgtype in topics_of(machine).items()
         }
         self._queues = {topic: PublishQueue(publisher.publish, depth) for topic, publisher in self.publishers.items()}
+
+    def _match(self, topic: str, event: QoSPublisherMatchedInfo) -> None:
+        self.subscribers[topic] = event.current_count
+        self._on_matched()
 
     def destroy(self) -> None:
         """Remove the publishers."""
@@ -117,7 +136,7 @@ class TwinStream:
         Args:
             measured: whether there is measured torque, so that residuals can be.
         """
-        wanted = [output for output in self._outputs if self.publishers[output.topic].get_subscription_count()]
+        wanted = [output for output in self._outputs if self.subscribers[output.topic]]
         residual = self._has_torque and measured
         if wanted == self._wanted and residual == self._wants_residual:
             return
@@ -209,7 +228,7 @@ class TwinStream:
         growth = self._recent_residuals.growth({"given": residuals.given, **residuals.skipped})
         findings = residual_findings(residuals.rms_Nm, measured_rms_Nm, limit_Nm)
         apart_s = residuals.apart_s if both_come else math.nan
-        return judged(status, [*stalled_findings(growth, apart_s), *findings])
+        return with_findings(status, [*stalled_findings(growth, apart_s), *findings])
 
     def _publish(self, samples: Iterable[Sample]) -> None:
         for sample in samples:
@@ -222,14 +241,14 @@ class TwinStream:
                 self._publish_residuals(known)
 
     def _publish_residuals(self, residuals: list[Residual]) -> None:
-        if residuals and self.publishers[RESIDUAL_TOPIC].get_subscription_count():
+        if residuals and self.subscribers[RESIDUAL_TOPIC]:
             for message in self._residual_messages.messages(residuals):
                 self._queues[RESIDUAL_TOPIC].send(message)
 
     def _publish_events(self) -> None:
         """Publish the contact events; they are taken without a listener too, or they would pile up."""
         events = self._session.take_events()
-        if events and self.publishers[contact_events.TOPIC].get_subscription_count():
+        if events and self.subscribers[contact_events.TOPIC]:
             self._queues[contact_events.TOPIC].send(contact_events.contact_message(events, self._machine))
 
     def _warm_up(self) -> None:

@@ -98,7 +98,7 @@ def published_by_twins(topics: Mapping[str, str]) -> set[str]:
     return found | ({"/diagnostics"} & topics.keys())  # nodes of the suite report there, too
 
 
-class OwnTopics:
+class MachineNamespace:
     """Tells the topics of the machine in a namespace from those of machines in other namespaces.
 
     Args:

@@ -10,9 +10,9 @@ from tests.ros.suite import RELIABLE, SECOND_NS, Suite, shaft_angles
 from tests.ros.test_live_topics import stamp_of
 from textile_twin_core.recordings import BagWriter
 from textile_twin_core.recordings.message_types import FLOAT64, JOINT_STATE, POINT, WRENCH
+from textile_twin_ros.machine_namespace import published_by_twins
 from textile_twin_ros.messages import JointTemplate
-from textile_twin_ros.own_topics import published_by_twins
-from textile_twin_ros.played_times import PlayedTimes
+from textile_twin_ros.playback_clock import PlaybackClock
 
 MINUTE_NS = 60 * SECOND_NS
 YEAR_2024_NS = 1_704_067_200 * SECOND_NS
@@ -23,7 +23,7 @@ YEAR_2024_NS = 1_704_067_200 * SECOND_NS
 def test_a_hole_is_one_second(hole_ns: int, place: int) -> None:
     log = np.arange(100) * 2_000_000
     log[place:] += hole_ns
-    times = PlayedTimes(MINUTE_NS)
+    times = PlaybackClock(MINUTE_NS)
     taken = [times.take(int(time)) for time in log]
     steps = np.diff([played for played, _ in taken])
     expected = np.full(99, 2_000_000)
@@ -34,13 +34,13 @@ def test_a_hole_is_one_second(hole_ns: int, place: int) -> None:
 
 def test_shorter_pauses_are_played_and_all_where_asked_for() -> None:
     for longest_ns, pause_ns in ((MINUTE_NS, 59 * SECOND_NS), (0, YEAR_2024_NS)):
-        times = PlayedTimes(longest_ns)
+        times = PlaybackClock(longest_ns)
         assert [times.take(log) for log in (5, 5 + pause_ns)] == [(0, 0), (pause_ns, 0)]
 
 
 def test_stamps_go_on_after_a_hole_by_what_they_span() -> None:
     for stamps, span in ((np.arange(100) * 2_000_000 + YEAR_2024_NS, 198_000_000), (np.array([0, 0, 7, 9]), None)):
-        times = PlayedTimes(MINUTE_NS)
+        times = PlaybackClock(MINUTE_NS)
         for number, stamp in enumerate(stamps.tolist()):
             times.take(0 if number < 2 else YEAR_2024_NS + number * 2_000_000)
             times.note_stamp(stamp)

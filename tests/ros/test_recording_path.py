@@ -10,7 +10,7 @@ pytest.importorskip("rclpy")
 
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.recordings import BagWriter
-from textile_twin_ros.recording_place import RecordingPlace
+from textile_twin_ros.recording_path import RecordingPath
 
 
 def write(path: Path, count: int = 1000) -> BagWriter:
@@ -24,16 +24,16 @@ def write(path: Path, count: int = 1000) -> BagWriter:
 
 
 def test_names_by_number_and_by_time(tmp_path: Path) -> None:
-    place = RecordingPlace(str(tmp_path / "run"), "", "/")
+    place = RecordingPath(str(tmp_path / "run"), "", "/")
     assert [place.take_next().name for _ in range(3)] == ["run", "run_2", "run_3"]
-    places = [RecordingPlace("", str(tmp_path / "all"), "/mill/m7") for _ in range(20)]
+    places = [RecordingPath("", str(tmp_path / "all"), "/mill/m7") for _ in range(20)]
     names = [place.take_next().name for place in places]
     assert len(set(names)) == 20 and all("_mill_m7" in name for name in names)
     with pytest.raises(RecordingError, match="'bag' is not set"):
-        RecordingPlace("", "", "/")
+        RecordingPath("", "", "/")
     (tmp_path / "file").write_text("no folder")
     with pytest.raises(RecordingError, match="cannot be made"):
-        RecordingPlace("", str(tmp_path / "file"), "/").take_next()
+        RecordingPath("", str(tmp_path / "file"), "/").take_next()
 
 
 def test_the_oldest_go_first(tmp_path: Path) -> None:
@@ -42,7 +42,7 @@ def test_the_oldest_go_first(tmp_path: Path) -> None:
         write(tmp_path / name).close()
     (tmp_path / "2026-01-01_00-00-01_m3").mkdir()
     (tmp_path / "2026-01-01_00-00-02_m3 notes").mkdir()
-    place = RecordingPlace("", str(tmp_path), "/m3")
+    place = RecordingPath("", str(tmp_path), "/m3")
     current = write(place.take_next())
     size = current.bytes_kept
     place.retain(current, most_bytes=int(2.6 * size))
@@ -64,7 +64,7 @@ def test_what_cannot_be_removed_is_reported_and_the_others_go(tmp_path: Path) ->
         write(tmp_path / f"2026-01-0{day}_00-00-00").close()
     stuck = tmp_path / "2026-01-02_00-00-00"
     (stuck / "somebody's.mcap").mkdir()  # a folder is not removed as a file is
-    place = RecordingPlace("", str(tmp_path), "/")
+    place = RecordingPath("", str(tmp_path), "/")
     current = write(place.take_next())
     (report,) = place.retain(current, most_bytes=1)
     assert report.startswith(f"{stuck}: cannot be removed")

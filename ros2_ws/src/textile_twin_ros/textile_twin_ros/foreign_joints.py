@@ -21,20 +21,20 @@ from __future__ import annotations
 import time
 
 from textile_twin_ros.diagnostics import WINDOW_S
-from textile_twin_ros.messages import OtherJointsError
+from textile_twin_ros.messages import ForeignJointsError
 
 _MOST_SOURCES = 32
 _NAMED = 12
 
 
-class OtherJoints:
+class ForeignJoints:
     """Messages that do not have the joint of this input, by the list of joints that they have."""
 
     def __init__(self) -> None:
         self.count = 0
         self._seen: dict[tuple[str, ...], float] = {}
 
-    def take(self, error: OtherJointsError) -> None:
+    def take(self, error: ForeignJointsError) -> None:
         """Count a message."""
         self.count += 1
         if error.joints in self._seen or len(self._seen) < _MOST_SOURCES:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from textile_twin_ros.own_topics import OwnTopics
+from textile_twin_ros.machine_namespace import MachineNamespace
 
 THERE = [
     "/diagnostics",
@@ -30,7 +30,7 @@ THERE = [
     ],
 )
 def test_a_namespace_is_a_machine(namespace: str, own: list[str]) -> None:
-    topics = OwnTopics(namespace)
+    topics = MachineNamespace(namespace)
     topics.learn(THERE)
     # What is no machine's, such as a crane, is recorded where nothing says whose it is.
     elsewhere = ["/mill/crane/position"] if namespace == "/" else []
@@ -38,12 +38,12 @@ def test_a_namespace_is_a_machine(namespace: str, own: list[str]) -> None:
 
 
 def test_a_known_name_is_reported_before_its_machine_has_shown_itself() -> None:
-    assert not OwnTopics("/").has("/machine_3/joint_states")
-    assert OwnTopics("/").has("/joint_states")
+    assert not MachineNamespace("/").has("/machine_3/joint_states")
+    assert MachineNamespace("/").has("/joint_states")
 
 
 def test_diagnostics_are_distinguished_by_their_node() -> None:
-    root, third = OwnTopics("/"), OwnTopics("/machine_3")
+    root, third = MachineNamespace("/"), MachineNamespace("/machine_3")
     assert root.speaks_of("twin_node: outputs") and not root.speaks_of("machine_3/twin_node: outputs")
     assert third.speaks_of("machine_3/twin_node: outputs") and not third.speaks_of("twin_node: outputs")
     assert not third.speaks_of("mill/machine_3/record_node: recording")

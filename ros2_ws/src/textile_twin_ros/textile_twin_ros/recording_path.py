@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 _TIME_PATTERN = r"\d{4}-\d\d-\d\d_\d\d-\d\d-\d\d"
 
 
-class RecordingPlace:
+class RecordingPath:
     """Gives each recording of a node its path.
 
     Args:

@@ -34,9 +34,10 @@ from weakref import WeakKeyDictionary
 import rclpy
 from rclpy.clock import Clock, ClockType
 from rclpy.context import Context
-from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.exceptions import ParameterException
 from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.qos_overriding_options import InvalidQosOverridesError
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
@@ -46,7 +47,7 @@ from textile_twin_ros.publishing import RCLError, UnknownROSArgsError
 from textile_twin_ros.usage import explain, read_words
 
 EXECUTORS = ("events", "single")
-_REFUSALS = (InvalidParameterTypeException, InvalidParameterValueException, RCLError)
+_REFUSALS = (ParameterException, InvalidQosOverridesError, RCLError)
 # How soon it is noticed that the node has finished or has to end.
 _LOOK_S = 0.2
 # Each spin of the events executor leaves 32 bytes behind, and each callback of the other one adds to the future of the
@@ -80,7 +81,7 @@ class _Regular:
         self._done_s = time.monotonic()
         self._callback()
 
-    def catch_up(self) -> None:
+    def do_if_overdue(self) -> None:
         """Do it where it is long overdue."""
         if time.monotonic() - self._done_s > self._period_s + _OVERDUE_S:
             self.do()
@@ -92,17 +93,17 @@ _REGULAR: WeakKeyDictionary[Node, list[_Regular]] = WeakKeyDictionary()
 def call_every(node: Node, period_s: float, callback: Callable[[], None]) -> None:
     """Call a function every so often in real time, also where the node's time is that of a recording.
 
-    The events executor comes to a timer when it has been through all that came before: inputs call `catch_up`.
+    The events executor comes to a timer when it has been through all that came before: inputs call `run_overdue_tasks`.
     """
     regular = _Regular(period_s, callback)
     _REGULAR.setdefault(node, []).append(regular)
     node.create_timer(period_s, regular.do, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
 
-def catch_up(node: Node) -> None:
+def run_overdue_tasks(node: Node) -> None:
     """Run overdue periodic tasks where messages come faster than the node takes them."""
     for regular in _REGULAR.get(node, ()):
-        regular.catch_up()
+        regular.do_if_overdue()
 
 
 def create_executor(name: str, context: Context | None = None) -> Executor:

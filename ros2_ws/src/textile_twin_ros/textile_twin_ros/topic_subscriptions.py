@@ -18,10 +18,11 @@
 
 from __future__ import annotations
 
+import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEventCallbacks
@@ -31,19 +32,36 @@ from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 
 from textile_twin_core.errors import SceneError
-from textile_twin_ros.endpoints import describe_publishers, offered_qos, recording_qos, topic_name
+from textile_twin_ros.endpoints import describe_publishers, offered_qos, recording_qos, take_next, topic_name
+from textile_twin_ros.machine_namespace import MachineNamespace
 from textile_twin_ros.messages import message_class
-from textile_twin_ros.own_topics import OwnTopics
 
 if TYPE_CHECKING:
     from textile_twin_core.recordings import BagWriter
 
+#: Stamps of a message by the middleware [ns], by name.
+MessageInfo: TypeAlias = dict[str, Any]
 # What nodes tell each other, not what a machine does.
 _OWN_BUSINESS = ("/rosout", "/parameter_events")
 _DIAGNOSTICS = "/diagnostics"
+_GATHER_S = 0.005
 
 
-class Inlets:
+class Received(NamedTuple):
+    """A message as bytes: when it came in here, and when its publisher sent it [ns]."""
+
+    raw: bytes
+    received_ns: int
+    sent_ns: int
+
+
+class Recorder(Node):
+    """A node with the name of its executor."""
+
+    executor_name: str
+
+
+class TopicSubscriptions:
     """Subscriptions to the bytes of topics; none wanted by name means all of this namespace's machine.
 
     Args:
@@ -51,7 +69,7 @@ class Inlets:
         wanted: names of topics.
         types: types known beforehand, as topic=package/msg/Type.
         depth: messages that may wait.
-        take: called with a topic and a message of it.
+        take: called with a topic and a message of it, with its stamps.
 
     Raises:
         SceneError: a type that is not written so or not installed, a name that no topic has.
@@ -59,24 +77,25 @@ class Inlets:
 
     def __init__(
         self,
-        node: Node,
+        node: Recorder,
         wanted: tuple[str, ...],
         types: tuple[str, ...],
         depth: int,
-        take: Callable[[str, bytes], None],
+        take: Callable[[str, Received], None],
     ) -> None:
         self._node, self._depth, self._take = node, depth, take
         self._types = dict(self._parsed(text) for text in types)
         self.wanted = {topic_name(node, topic, "topics") for topic in wanted}
         self._open: dict[str, Subscription] = {}
-        self._last: dict[str, bytes] = {}
+        self._last: dict[str, Received] = {}
         """The last message of each topic."""
         self._refused: set[str] = set()
         self._other_types: defaultdict[str, set[str]] = defaultdict(set)
         self._unheard: dict[str, str] = {}
         """Topics with a publisher that is not heard, and by which policy."""
-        self._own = OwnTopics(node.get_namespace())
+        self._own = MachineNamespace(node.get_namespace())
         self._writer: BagWriter | None = None
+        self._is_draining = False
         for topic in self.wanted & set(self._types):
             self._subscribe(topic, self._types[topic])
 
@@ -91,9 +110,14 @@ class Inlets:
         for topic, subscription in self._open.items():
             self._declare(topic, subscription)
 
-    def latched(self) -> list[tuple[str, bytes]]:
-        """Topics that keep their last message for late subscribers, each with it where there was one."""
-        return [(topic, raw) for topic, raw in self._last.items() if self._is_latched(topic)]
+    def latched(self) -> list[tuple[str, Received]]:
+        """Topics that keep their last message for late subscribers, each with it where there was one.
+
+        They come in now, into a recording that begins.
+        """
+        now_ns = time.time_ns()
+        latched = ((topic, last) for topic, last in self._last.items() if self._is_latched(topic))
+        return [(topic, last._replace(received_ns=now_ns)) for topic, last in latched]
 
     def discover(self) -> None:
         """Subscribe to wanted topics whose type is known by now, and again where a publisher is not heard."""
@@ -111,12 +135,12 @@ class Inlets:
             if wanted and self._node.count_publishers(topic):
                 self._subscribe(topic, types[0])
 
-    def waiting(self) -> Iterator[tuple[str, bytes]]:
+    def waiting(self) -> Iterator[tuple[str, Received]]:
         """Messages that have come and are not taken yet, topic by topic, each with its topic."""
         for topic, subscription in self._open.items():
-            for raw in _waiting(subscription, message_class(self._types[topic])):
-                self._last[topic] = raw
-                yield topic, raw
+            for message in _waiting(subscription, message_class(self._types[topic])):
+                self._last[topic] = message
+                yield topic, message
 
     def is_anothers(self, topic: str, raw: bytes) -> bool:
         """Return whether a message of the diagnostics, which all machines share, is of another machine's node."""
@@ -150,7 +174,9 @@ class Inlets:
             return
         qos: QoSProfile = recording_qos(self._node.get_publishers_info_by_topic(topic), self._depth)
         self._types[topic] = msgtype
-        hear, events = partial(self._hear, topic), partial(self._on_incompatible, topic)
+        # The events executor of rclpy fails on a callback that asks for a message's stamps.
+        hear = partial(self._hear if self._node.executor_name == "single" else self._hear_alone, topic)
+        events = partial(self._on_incompatible, topic)
         self._open[topic] = self._node.create_subscription(
             message_type,
             topic,
@@ -161,9 +187,23 @@ class Inlets:
         )
         self._declare(topic, self._open[topic])
 
-    def _hear(self, topic: str, raw: bytes) -> None:
-        self._last[topic] = raw
-        self._take(topic, raw)
+    def _hear(self, topic: str, raw: bytes, info: MessageInfo) -> None:
+        """Take a message and all that wait, of every topic: waking costs more than taking a dozen."""
+        self._keep(topic, _received(raw, info))
+        if not self._is_draining:
+            self._is_draining = True
+            time.sleep(_GATHER_S)
+            for other, message in self.waiting():
+                self._take(other, message)
+            self._is_draining = False
+
+    def _hear_alone(self, topic: str, raw: bytes) -> None:
+        now_ns = time.time_ns()
+        self._keep(topic, Received(raw, now_ns, now_ns))
+
+    def _keep(self, topic: str, message: Received) -> None:
+        self._last[topic] = message
+        self._take(topic, message)
 
     def _is_latched(self, topic: str) -> bool:
         # A subscription to a type known beforehand, made before its publishers came, does not know.
@@ -177,7 +217,7 @@ class Inlets:
             self._other_types[topic].add(other)
             self._node.get_logger().warning(
                 f"{topic} now carries {other}, too, which is not recorded: it is recorded as {self._types[topic]};"
-                " record it anew, into another recording"
+                " start another recording for it"
             )
 
     def _on_incompatible(self, topic: str, event: QoSRequestedIncompatibleQoSInfo) -> None:
@@ -187,10 +227,10 @@ class Inlets:
         """Subscribe again so that every publisher can be heard; not from within the subscription's own events."""
         for topic, policy in self._unheard.items():
             seen = describe_publishers(self._node, topic, self._types[topic])
-            self._node.get_logger().info(f"{topic}: listening anew, for its publishers' {policy}: {seen}")
+            self._node.get_logger().info(f"{topic}: subscribing again, for its publishers' {policy}: {seen}")
             before = self._open.pop(topic)
-            for raw in _waiting(before, message_class(self._types[topic])):
-                self._hear(topic, raw)
+            for message in _waiting(before, message_class(self._types[topic])):
+                self._keep(topic, message)
             self._node.destroy_subscription(before)
             self._subscribe(topic, self._types[topic])
         self._unheard.clear()
@@ -200,9 +240,14 @@ class Inlets:
             self._writer.add_topic(topic, self._types[topic], offered_qos(subscription.qos_profile))
 
 
-def _waiting(subscription: Subscription, message_type: type) -> Iterator[bytes]:
+def _received(raw: bytes, info: MessageInfo) -> Received:
+    """Add the stamps of the middleware; one that gives none leaves the present time."""
+    now_ns = time.time_ns()
+    received_ns = info["received_timestamp"] or now_ns
+    return Received(raw, received_ns, info["source_timestamp"] or received_ns)
+
+
+def _waiting(subscription: Subscription, message_type: type) -> Iterator[Received]:
     """The messages that a subscription still holds."""
-    handle = subscription.handle
-    with handle:
-        while (taken := handle.take_message(message_type, True)) is not None:
-            yield taken[0]
+    while (taken := take_next(subscription, message_type)) is not None:
+        yield _received(*taken)

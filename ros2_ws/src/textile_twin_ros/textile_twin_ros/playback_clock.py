@@ -23,7 +23,7 @@ from textile_twin_ros.messages import SECOND_NS
 _RESUMED_NS = SECOND_NS
 
 
-class PlayedTimes:
+class PlaybackClock:
     """Log times to times since the start of playing, through all of a recording and its repetitions.
 
     Log times may begin at 0, as those of messages recorded before the first /clock do, or step where a clock was set.
