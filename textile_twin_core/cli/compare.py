@@ -144,6 +144,7 @@ def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded:
             judged = dataclasses.replace(judged, verdict=(shaft_cause(shaft, machine), *judged.verdict))
         del true
         notes, verdict, explained, seen = judged.notes, judged.verdict, judged.explained, judged.quantities
+        curves = {} if judged.law is None else {judged.law.key: judged.law.curve}
         times = None if angles.timing is None or angles.recorded_ns is None else (angles.recorded_ns, angles.stamps)
         angle_topic, stamped = angles.topic, tuple(t for t in (angles.timing, measured.timing) if t is not None)
         del judged, readings, angles  # these and the track are another copy of the whole recording
@@ -171,6 +172,7 @@ def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded:
         verdict=verdict,
         explained=explained,
         quantities=seen,
+        curves=curves,
     )
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 from textile_twin_core.cli.arguments import Parser, add_machine, add_recording
 from textile_twin_core.cli.mistakes import UsageError
@@ -17,13 +17,18 @@ from textile_twin_core.cli.readings import read_samples, read_second, readings_o
 from textile_twin_core.cli.recording_batch import BatchJob, add_batch, one_recording, quietly, run_batch
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 from textile_twin_core.comparison import Identification, identify, with_table
+from textile_twin_core.comparison.curve_identification import CurveIdentification, identify_curve
 from textile_twin_core.comparison.elastic_readings import without_elasticity
 from textile_twin_core.comparison.file_numbers import FileNumbers, identify_numbers
+from textile_twin_core.comparison.readings import Readings
 from textile_twin_core.comparison.shaft_identification import ShaftIdentification, identify_shaft
+from textile_twin_core.comparison.stage import Begin
 from textile_twin_core.files import save_machine_file
+from textile_twin_core.inference.force_law import place_of
 from textile_twin_core.machine import Machine
 from textile_twin_core.recordings.prediction import recompute
 
+_Found = TypeVar("_Found", FileNumbers, CurveIdentification)
 _SHOWN = {
     "_Nm_rad": ("N m/rad", 1.0),
     "_Nms_rad": ("N m s/rad", 1.0),
@@ -33,6 +38,8 @@ _SHOWN = {
     "_Nm": ("N m", 1.0),
 }
 """Unit and factor by the end of a name; the first that fits counts."""
+_SHARES = (0.0, 0.1, 0.25, 0.5, 0.75, 1.0)
+"""Places of a force law that are printed, as shares of its range."""
 _PREDICTED = 0.3
 """Share of a pass at which the torque of an elastic shaft is predicted."""
 _PASSES = 3
@@ -59,6 +66,11 @@ def parser() -> Parser:
         help="estimate these numbers of the machine file instead, such as bodies.l3.mass_kg,groups.l2.length_m",
     )
     parser.add_argument(
+        "--curve",
+        metavar="LOAD|MEASURE",
+        help="learn the force over a measure: of a load, as backing, or on a measure, as sley_position_m",
+    )
+    parser.add_argument(
         "--table",
         action="store_true",
         help="with --out: also write the unmodelled torque by shaft angle, as a load",
@@ -72,7 +84,7 @@ def run(arguments: argparse.Namespace) -> None:
     machine = with_sensors(load_linkage(arguments.machine, arguments.set), arguments)
 
     if not one_recording(arguments):
-        for option in ("out", "table", "free"):
+        for option in ("out", "table", "free", "curve"):
             if getattr(arguments, option):
                 raise UsageError(f"--{option} is for one recording; of several give --parquet or --json")
         run_batch(arguments, machine, identifying, _line)
@@ -83,6 +95,8 @@ def run(arguments: argparse.Namespace) -> None:
         raise UsageError("--table writes a load over one turn: leave it out, --json has the table over the whole cycle")
     if arguments.free is not None and arguments.table:
         raise UsageError("--free goes without --table")
+    if arguments.curve is not None and (arguments.free is not None or arguments.table):
+        raise UsageError("--curve goes without --free and --table")
     check_out(arguments)
     if arguments.free is not None:
         numbers = _numbers_of(arguments, machine)
@@ -91,7 +105,8 @@ def run(arguments: argparse.Namespace) -> None:
             save_machine_file(numbers.machine, arguments.out)
         print_rows(_number_rows(numbers))
         return
-    found = identify_recording(arguments, machine)
+    found: Identification | ShaftIdentification
+    found = _curve_of(arguments, machine) if arguments.curve is not None else identify_recording(arguments, machine)
     write_json(arguments, machine, found.to_json())
     if isinstance(found, ShaftIdentification):
         if arguments.out is not None:
@@ -111,6 +126,12 @@ def identify_recording(arguments: argparse.Namespace, machine: Machine) -> Ident
     readings = readings_of(angles, measured, read_second(arguments, machine, bag))
     with stages(len(angles)) as stage:
         return fit(readings, machine, lambda what, until: stage(what, until, 1))
+
+
+def _curve_of(arguments: argparse.Namespace, machine: Machine) -> CurveIdentification:
+    """Learn the force law that --curve names."""
+    place_of(machine, arguments.curve)  # a wrong name is found before the recording is read
+    return _rigidly(arguments, machine, lambda rigid, begin: identify_curve(rigid, machine, arguments.curve, begin))
 
 
 def identifying(job: BatchJob) -> dict[str, Any]:
@@ -151,6 +172,11 @@ def _rows(found: Identification | ShaftIdentification) -> list[tuple[str, str]]:
 def _numbers_of(arguments: argparse.Namespace, machine: Machine) -> FileNumbers:
     """Estimate the numbers of the machine file that --free names."""
     paths = [path.strip() for path in arguments.free.split(",") if path.strip()]
+    return _rigidly(arguments, machine, lambda rigid, begin: identify_numbers(rigid, machine, paths, begin))
+
+
+def _rigidly(arguments: argparse.Namespace, machine: Machine, identify: Callable[[Readings, Begin], _Found]) -> _Found:
+    """Identify on readings without the effect of an elastic shaft, which is predicted with the estimates so far."""
     bag, angles, measured = read_samples(arguments, machine)
     read, estimate = readings_of(angles, measured), machine
     second, passes = read_second(arguments, machine, bag), 1 if machine.shaft is None else _PASSES
@@ -163,7 +189,7 @@ def _numbers_of(arguments: argparse.Namespace, machine: Machine) -> FileNumbers:
                 known = (predicted.stamps_ns, predicted.torque_Nm, predicted.settled)
                 rigid = without_elasticity(read, estimate, predicted.track, *known)
             begin = partial(_begin, stage, k, passes)
-            found = identify_numbers(rigid, machine, paths, begin)
+            found = identify(rigid, begin)
             estimate = found.machine
     return found
 
@@ -184,8 +210,30 @@ def _number_rows(found: FileNumbers) -> list[tuple[str, str]]:
     return rows + [("note", text) for text in found.notes]
 
 
+def _curve_rows(found: CurveIdentification) -> list[tuple[str, str]]:
+    """Rows of the force laws: a few places of each, and the work of a turn."""
+    rows = []
+    for name, curve in found.curves.items():
+        for way, force, sigma in (("in", curve.in_N, curve.in_sigma_N), ("out", curve.out_N, curve.out_sigma_N)):
+            some = [round(k) for k in (share * (curve.knots.size - 1) for share in _SHARES)]
+            shown = ", ".join(f"{force[k]:.0f} +- {sigma[k]:.0f}" for k in some)
+            rows.append((f"{name}, way {way}", f"{shown} N"))
+        places = ", ".join(f"{1e3 * (curve.knots[k] - curve.knots[0]):.1f}" for k in some)
+        rows.append((f"{name}, depth", f"{places} mm beyond {curve.measure} = {curve.knots[0]:.5g} m"))
+        work_in, sigma_in, work_out, sigma_out = curve.work_J()
+        rows.append(
+            (
+                f"{name}, work",
+                f"{work_in:.3g} +- {sigma_in:.2g} J in, {work_out:.3g} +- {sigma_out:.2g} J out, a stroke",
+            )
+        )
+    return rows
+
+
 def _print(found: Identification) -> None:
     rows = _rows(found)
+    if isinstance(found, CurveIdentification):
+        rows = [*_curve_rows(found), *rows]
     unmodelled = found.unmodelled
     over = f" over {unmodelled.cycle_turns} turns" if unmodelled.cycle_turns > 1 else ""
     if unmodelled.significant:

@@ -10,6 +10,7 @@ import numpy as np
 
 from textile_twin_core.comparison.elastic_hypothesis import RIGID_NOTE, elastic_cause, elastic_hypothesis
 from textile_twin_core.comparison.evidence import REST_SHARE, Evidence, Settings, best_periodic
+from textile_twin_core.comparison.force_law import ForceLawCause, explained_by_force_law
 from textile_twin_core.comparison.range_ends import at_range_ends, range_end_note
 from textile_twin_core.comparison.readings import FEWEST_TURNS, AngleUnit, Readings, angle_unit, samples_per_turn
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack, shaft_track
@@ -67,6 +68,7 @@ class Assessment:
             nothing, with the reason in `notes`.
         verdict: causes of the differences, likeliest first; empty when all is right.
         quantities: estimated quantities, each once. notes: remarks for the reader.
+        law: force law that explains what constant forces do not.
 
     Examples:
         >>> import textile_twin_core as ttc
@@ -84,6 +86,7 @@ class Assessment:
     verdict: tuple[Cause, ...]
     notes: tuple[str, ...]
     quantities: tuple[Quantity, ...] = ()
+    law: ForceLawCause | None = None
 
     @property
     def explained(self) -> float:
@@ -224,6 +227,9 @@ def _assess(readings: Readings, machine: Machine, track: ShaftTrack | None) -> A
         unit, found = _other_unit(readings, machine, terms, (unit, found))
     if found is None:
         return Assessment(unit, None, (), ("no setting of encoder and torque sensor gives any accord",))
+    law = explained_by_force_law(found, machine)
+    if law is not None:
+        found = law.judged
     evidence = found.evidence
     speed = found.posterior.hypothesis.turn * evidence.working_speed()
     per_turn = samples_per_turn(readings.angle_stamps_ns, speed)
@@ -234,12 +240,15 @@ def _assess(readings: Readings, machine: Machine, track: ShaftTrack | None) -> A
         # Pitch errors of its wheel read as acceleration, so no cause is named.
         return Assessment(unit, found, (), (*_notes(evidence), _WHEEL))
     named, notes = causes(found, unit, per_turn, periodic), _notes(evidence)
+    if law is not None:
+        peak, sigma = law.peak
+        named.insert(0, Cause("force_law", law.text, peak, sigma, f"loads.{law.curve.name}"))
     if machine.sensors.encoder.teeth and machine.sensors.encoder.pitch_errors_rad is None:
         judged = [cause for cause in named if cause.cause not in _LIKE_PITCH_ERRORS]
         if len(judged) < len(named):
             notes = (*notes, _PITCH)
         named = judged
-    return Assessment(unit, found, tuple(named), notes, quantities(found, named))
+    return Assessment(unit, found, tuple(named), notes, quantities(found, named), law)
 
 
 def _judged(

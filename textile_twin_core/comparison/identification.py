@@ -43,7 +43,7 @@ from textile_twin_core.machine import Machine
 
 _GIVEN_UP_FIRST = (OFFSET, ZERO, GAIN, VISCOUS, ROTOR, "loads.backing.free_force_N", DELAY)
 """The order in which parameters with indistinguishable effects are dropped."""
-_WRONG_FIRST = ("encoder_direction", "encoder_ratio", "angle_unit", "angle_rate", "torque_sign", "torque_unit")
+WRONG_FIRST = ("encoder_direction", "encoder_ratio", "angle_unit", "angle_rate", "torque_sign", "torque_unit")
 _ALL_SAMPLES = 40_000
 _LEFT_BY_LOADS = 0.15
 """Share of the torque's variance that a force or an angle still to be identified may leave unexplained."""
@@ -244,7 +244,7 @@ def _settled(readings: Readings, machine: Machine) -> tuple[Judged, tuple[str, .
     if found is None:
         raise RecordingError("; ".join(assessment.notes))
     for cause in assessment.verdict:
-        if cause.cause in _WRONG_FIRST:
+        if cause.cause in WRONG_FIRST:
             raise RecordingError(f"{cause.text}: settle the sensors first with textile-twin calibrate")
         if cause.cause == "other_machine" and found.unexplained > _LEFT_BY_LOADS:
             raise RecordingError(f"nothing to identify: {cause.text}")

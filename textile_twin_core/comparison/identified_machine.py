@@ -42,7 +42,7 @@ _OF_BACKING = {
     "exit_plane_m": "exit_angle_rad",
 }
 _EVENTS = {"entry_angle_rad": "enters", "exit_angle_rad": "leaves"}
-_ALWAYS = {
+ALWAYS = {
     VISCOUS: "shaft_viscous_Nms",
     COULOMB: "shaft_coulomb_Nm",
     ROTOR: "added_inertia_kgm2",
@@ -86,7 +86,7 @@ class Candidates:
             names = _OF_BACKING.values()
             self.missing = tuple(NotIdentifiable(name, f"{name} cannot be determined: {text}") for name in names)
             self._slots = {}
-        self.public = {name: _OF_BACKING[slot.attribute] for name, slot in self._slots.items()} | _ALWAYS
+        self.public = {name: _OF_BACKING[slot.attribute] for name, slot in self._slots.items()} | ALWAYS
         self.planes = tuple(name for name in self._slots if self.public[name] in _EVENTS)
         self._phases = [place.phase_rad - machine.linkages[0].phase_rad for place in machine.linkages]
 
@@ -142,13 +142,13 @@ class Candidates:
         found = self.values(m, hypothesis, x)
         written = self._with_backing(m, x)
         loads = [load for load in written.loads if not isinstance(load, ShaftFriction)]
-        friction = ShaftFriction(*(max(found[_ALWAYS[name]], 0.0) for name in (VISCOUS, COULOMB)))
+        friction = ShaftFriction(*(max(found[ALWAYS[name]], 0.0) for name in (VISCOUS, COULOMB)))
         if friction != ShaftFriction():
             loads.append(friction)
-        added = found[_ALWAYS[ROTOR]]
+        added = found[ALWAYS[ROTOR]]
         bodies = (*written.bodies, Body.flywheel(added)) if added > 0.0 else written.bodies
-        encoder = replace(written.sensors.encoder, zero_rad=found[_ALWAYS[ZERO]])
-        gain, offset, delay = (found[_ALWAYS[name]] for name in (GAIN, OFFSET, DELAY))
+        encoder = replace(written.sensors.encoder, zero_rad=found[ALWAYS[ZERO]])
+        gain, offset, delay = (found[ALWAYS[name]] for name in (GAIN, OFFSET, DELAY))
         sensor = replace(written.sensors.torque, gain=gain, offset_Nm=offset, delay_s=delay)
         return replace(
             written, loads=tuple(loads), bodies=bodies, sensors=replace(written.sensors, encoder=encoder, torque=sensor)

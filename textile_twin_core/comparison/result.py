@@ -15,6 +15,7 @@ from textile_twin_core.comparison.by_angle import AngleBins, RevolutionErrors
 from textile_twin_core.comparison.by_order import OrderSpectrum, SpeedBins
 from textile_twin_core.comparison.delay import SensorFit
 from textile_twin_core.comparison.statistics import ErrorStatistics
+from textile_twin_core.inference.force_law import LearnedCurve
 from textile_twin_core.machine import Event
 
 if TYPE_CHECKING:
@@ -78,6 +79,7 @@ class Comparison:
         verdict: faults of the recording or the machine file, likeliest first; empty without a fault.
         explained: share of the torque's variance that the corrected machine explains; nan without a verdict.
         quantities: estimates of sensors, friction and forces, each once; empty without a verdict.
+        curves: force laws by name that explain what constant forces do not.
 
     Examples:
         >>> import numpy as np
@@ -117,6 +119,7 @@ class Comparison:
     verdict: tuple[Cause, ...] = ()
     explained: float = math.nan
     quantities: tuple[Quantity, ...] = ()
+    curves: Mapping[str, LearnedCurve] = dataclasses.field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
         """Return the numbers as one object of plain lists and numbers; nan is null."""
@@ -157,9 +160,35 @@ class Comparison:
                 "verdict": [dataclasses.asdict(cause) for cause in self.verdict],
                 "explained": self.explained,
                 "quantities": [dataclasses.asdict(quantity) for quantity in self.quantities],
+                "curves": {name: curve_json(curve) for name, curve in self.curves.items()},
             }
         )
         return plain_numbers
+
+
+def curve_json(curve: LearnedCurve) -> dict[str, Any]:
+    """Return the numbers of a force law, as plain lists."""
+    work_in, sigma_in, work_out, sigma_out = curve.work_J()
+    found: dict[str, Any] = plain(
+        {
+            "measure": curve.measure,
+            "knots": curve.knots,
+            "in_N": curve.in_N,
+            "in_sigma_N": curve.in_sigma_N,
+            "out_N": curve.out_N,
+            "out_sigma_N": curve.out_sigma_N,
+            "covariance_N2": curve.covariance,
+            "speed_power": curve.speed_power,
+            "at_speed_rad_s": curve.at_speed_rad_s,
+            "in_determined": ~curve.undetermined(True),
+            "out_determined": ~curve.undetermined(False),
+            "work_in_J": work_in,
+            "work_in_sigma_J": sigma_in,
+            "work_out_J": work_out,
+            "work_out_sigma_J": sigma_out,
+        }
+    )
+    return found
 
 
 def plain(value: Any) -> Any:

@@ -15,6 +15,9 @@ VISCOUS = "loads.shaft_friction.viscous_Nms"
 ROTOR = "bodies.main_shaft.inertia_kgm2"
 HELD = "standstill.held_Nm"
 """Torque that holds the shaft at standstill only, as a brake's; not a number of the file."""
+CURVE, EDGE = "curve", "edge"
+OF_A_LAW = (CURVE, EDGE)
+"""Kinds of the parameters of a force law: its coefficients, and the places where it sets in and ends."""
 SENSORS = (ZERO, DELAY, DRIFT, GAIN, OFFSET)
 """Parameters whose values are departures from the configured sensor; for the gain see `gain_factor`."""
 BESIDE = (COULOMB, VISCOUS, ROTOR)

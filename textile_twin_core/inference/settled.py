@@ -10,7 +10,7 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.inference.map_fit import Fit, map_fit
-from textile_twin_core.inference.parameter import COULOMB, DELAY, GAIN, HELD, OFFSET, VISCOUS, ZERO
+from textile_twin_core.inference.parameter import COULOMB, DELAY, GAIN, HELD, OF_A_LAW, OFFSET, VISCOUS, ZERO
 from textile_twin_core.inference.posterior import Posterior
 
 _NORMAL95 = 1.959964
@@ -89,7 +89,7 @@ def settled_sensors(posterior: Posterior, both_directions: bool = False) -> froz
         both_directions: the shaft turns in both directions, so that an offset differs from friction.
     """
     m = posterior.measurement
-    free = {*posterior.departing, GAIN, COULOMB}
+    free = {*posterior.departing, GAIN, COULOMB, *(p.name for p in m.parameters if p.kind in OF_A_LAW)}
     if m.model.depends_on_angle():
         free |= {ZERO}
     if m.record.one_speed:

@@ -20,6 +20,7 @@ from textile_twin_core.comparison.orders import OrderMap
 from textile_twin_core.driveline import Resonances, elastic_shaft, find_resonances
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Machine
+from textile_twin_core.views.force_law_picture import force_law_figure
 from textile_twin_core.views.orders_picture import comparison_orders, orders_figure
 from textile_twin_core.views.plot import plot_comparison
 from textile_twin_core.views.report_figure import errors_figure
@@ -90,6 +91,7 @@ def write_report(
         "</ul></div>",
         "<h2>Torque, measured and predicted</h2>",
         _picture(comparison, machine, title),
+        *_force_laws(comparison),
         "<h2>Numbers</h2>",
         _table(summary_rows(comparison)),
         "<h2>Where the errors lie</h2>",
@@ -120,6 +122,16 @@ def _table(rows: Sequence[Sequence[str]]) -> str:
         "<tr>" + "".join(f'<td class="n">{escape(str(cell))}</td>' for cell in row) + "</tr>" for row in rows
     )
     return f"<table>{body}</table>"
+
+
+def _force_laws(comparison: Comparison) -> list[str]:
+    """Render each force law that the recording shows."""
+    found = []
+    for name, curve in comparison.curves.items():
+        work_in, sigma_in, work_out, sigma_out = curve.work_J()
+        work = f"Work of a stroke: {work_in:.3g} ± {sigma_in:.2g} J in, {work_out:.3g} ± {sigma_out:.2g} J out."
+        found += [f"<h2>Force of {escape(name)}</h2>", f"<p>{work}</p>", _image(_png(force_law_figure(curve)))]
+    return found
 
 
 def _picture(comparison: Comparison, machine: Machine, title: str) -> str:

@@ -1,0 +1,163 @@
+"""Force laws learned from torque, in recordings whose truth is computed without the engine."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import textile_twin_core as ttc
+from tests.campaign import more
+from tests.generators.configured_machine import configured_machine
+from tests.generators.force_laws import LAWS, MillRecording, case_of, force, record_law
+from tests.generators.mill_recordings import Case
+from tests.generators.shaft_law import Friction
+from textile_twin_core.cli.main import main
+from textile_twin_core.comparison import Readings
+from textile_twin_core.comparison.assessment import Assessment, assess
+from textile_twin_core.comparison.curve_identification import CurveIdentification, identify_curve
+from textile_twin_core.dynamics.loads import ForceCurve
+from textile_twin_core.inference.parameter import COULOMB, DELAY, GAIN, VISCOUS, ZERO, gain_factor
+from textile_twin_core.machine import Machine
+from textile_twin_core.recordings import BagWriter
+
+DELAY_S, FRICTION = 0.0026, Friction(0.01, 0.25)
+DURATION_S = 24.0
+
+
+@dataclass(frozen=True)
+class Made:
+    """A recording, its truth and its machine file."""
+
+    case: Case
+    recording: MillRecording
+    machine: Machine
+
+    @property
+    def readings(self) -> Readings:
+        r = self.recording
+        return Readings(r.angle_stamps_ns, r.angle, r.torque_stamps_ns, r.torque)
+
+
+@cache
+def made(name: str, seed: int = 1) -> Made:
+    law = LAWS[name]
+    case = case_of(law, seed, duration_s=DURATION_S)
+    case = replace(case, torque=replace(case.torque, delay_s=DELAY_S))
+    if law.machine == "tufting":
+        case = replace(case, friction=FRICTION)
+    return Made(case, record_law(law, case), configured_machine(case))
+
+
+@cache
+def judged(name: str, seed: int = 1) -> Assessment:
+    here = made(name, seed)
+    return assess(here.readings, here.machine)
+
+
+def assert_curve(name: str, curve: object, least: float = 0.95) -> float:
+    """Assert that the law is the true one at most knots; return the share of knots within the 95 % band."""
+    shares = []
+    peak = np.abs(force(LAWS[name], curve.knots, True)).max()  # type: ignore[attr-defined]
+    ways = ((True, "in"), (False, "out"))
+    for growing, way in ways:
+        found, sigma = getattr(curve, f"{way}_N"), getattr(curve, f"{way}_sigma_N")
+        off = np.abs(found - force(LAWS[name], curve.knots, growing))  # type: ignore[attr-defined]
+        assert np.mean((off < 0.02 * peak) | (off < 3.0 * sigma)) >= least, (name, way, off, sigma)
+        shares.append(np.mean(off < 1.96 * sigma))
+    return float(np.mean(shares))
+
+
+@pytest.mark.parametrize(("name", "seed"), more(*((name, seed) for name in LAWS for seed in (2, 3))))
+def test_laws_are_named_with_their_curve_and_nothing_else_is_accused(name: str, seed: int) -> None:
+    found = judged(name, seed)
+    causes = {cause.cause for cause in found.verdict}
+    assert ("force_law" in causes) == (name != "constant")
+    assert causes <= {"force_law", "load_force", "delay", "unmodelled_friction"}
+    if found.law is not None:
+        assert_curve(name, found.law.curve)
+
+
+@pytest.mark.slow
+def test_a_pierce_is_named_with_its_curve_and_no_sensor_is_accused() -> None:
+    found = judged("pierce")
+    assert found.verdict[0].cause == "force_law" and found.verdict[0].parameter == "loads.backing"
+    assert {cause.cause for cause in found.verdict[1:]} <= {"delay", "unmodelled_friction"}  # the file has neither
+    assert found.law is not None and found.explained > 0.999
+    assert assert_curve("pierce", found.law.curve) > 0.8
+    peak = found.law.curve.knots[np.argmax(found.law.curve.in_N)]
+    begin, end = found.law.curve.knots[[0, -1]]
+    assert (peak - begin) / (end - begin) == pytest.approx(0.2, abs=0.03)
+    p = found.found.posterior if found.found is not None else None
+    assert p is not None
+    assert p.value(DELAY) == pytest.approx(DELAY_S, abs=max(3.0 * p.sigma(DELAY), 5e-5))
+    assert p.value(ZERO) == pytest.approx(0.0, abs=3.0 * p.sigma(ZERO))
+    assert gain_factor(p.value(GAIN)) == pytest.approx(1.0, abs=3.0 * p.sigma(GAIN))
+    friction = p.value(COULOMB) + SPEED * p.value(VISCOUS)
+    assert friction == pytest.approx(FRICTION.coulomb_Nm + SPEED * FRICTION.viscous_Nms, abs=3.0 * p.sigma(COULOMB))
+
+
+SPEED = 16.755
+
+
+@pytest.mark.slow
+def test_a_constant_force_is_no_law() -> None:
+    found = judged("constant")
+    assert found.law is None
+    assert {cause.cause for cause in found.verdict} == {"delay", "load_force", "unmodelled_friction"}
+
+
+@pytest.fixture(scope="module")
+def beaten_up() -> CurveIdentification:
+    here = made("beat-up")
+    return identify_curve(here.readings, here.machine, "sley_position_m")
+
+
+@pytest.mark.slow
+def test_a_beat_up_resistance_is_learned_where_no_load_is_declared(beaten_up: CurveIdentification) -> None:
+    curve = beaten_up.curves["sley_position_m"]
+    assert_curve("beat-up", curve)
+    assert curve.out_N.min() < -400.0  # the cloth springs back
+    gain, delay = (beaten_up.parameters[f"torque_sensor_{what}"] for what in ("gain", "delay_s"))
+    assert gain.value == pytest.approx(1.0, abs=3.0 * gain.sigma)
+    assert delay.value == pytest.approx(DELAY_S, abs=max(3.0 * delay.sigma, 5e-5))
+    assert beaten_up.rms_after_Nm == pytest.approx(0.08, abs=0.004)  # the sensor's noise
+
+
+@pytest.mark.slow
+def test_the_identified_machine_has_the_law_and_predicts_with_it(beaten_up: CurveIdentification) -> None:
+    (law,) = (load for load in beaten_up.machine.loads if isinstance(load, ForceCurve))
+    assert law.measure == "sley_position_m"
+    after = assess(made("beat-up").readings, beaten_up.machine)
+    assert after.verdict == () and after.law is None
+
+
+@pytest.mark.slow
+def test_the_command_writes_numbers_machine_and_report(tmp_path: Path) -> None:
+    r = made("grip").recording
+    with BagWriter(tmp_path / "bag") as out:
+        out.write_joint_states("main_shaft/angle", r.angle_stamps_ns, ["main_shaft"], r.angle)
+        out.write_wrenches("balancing_torque/measured", r.torque_stamps_ns, r.torque)
+    given = [str(tmp_path / "bag"), "--machine", "tufting"]
+    files = ["--json", str(tmp_path / "i.json"), "--out", str(tmp_path / "grip.yaml")]
+    assert main(["identify", *given, "--curve", "loads.backing", *files]) == 0
+    curve = json.loads((tmp_path / "i.json").read_text())["curves"]["backing"]
+    assert len(curve["knots"]) == len(curve["in_N"]) == len(curve["out_sigma_N"])
+    assert np.median(curve["in_N"]) == pytest.approx(926.0, rel=0.03)
+    assert np.median(curve["out_N"]) == pytest.approx(231.6, rel=0.03)
+    assert curve["work_in_J"] > 3.0 * curve["work_out_J"] > 0.0
+    machine = ttc.load_machine(tmp_path / "grip.yaml")
+    assert isinstance(machine, Machine) and any(isinstance(load, ForceCurve) for load in machine.loads)
+    assert main(["compare", *given, "--html", str(tmp_path / "r.html"), "--json", str(tmp_path / "c.json")]) == 0
+    compared = json.loads((tmp_path / "c.json").read_text())
+    assert compared["verdict"][0]["cause"] == "force_law" and set(compared["curves"]) == {"backing"}
+    assert "Force of backing" in (tmp_path / "r.html").read_text()
+
+
+def test_a_name_that_is_no_load_says_which_are_there(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["identify", "nowhere", "--machine", "tufting", "--curve", "needles"]) == 2
+    assert "no load or measure 'needles'" in capsys.readouterr().err
