@@ -146,7 +146,7 @@ def test_a_full_disk_delays_recordings_and_loses_no_alarm(suite: Suite) -> None:
 def test_a_monitor_enters_what_a_full_disk_refused(tmp_path: Path) -> None:
     watch = FaultWatch(10.0, WatchSettings(learn_turns=20))
     log = FaultLog(str(tmp_path), "/", "tufting")
-    watch._learning = [None] * 20  # type: ignore[list-item]
+    watch._known = [None]  # type: ignore[list-item]
     log._remembered = True
     watch._raised, watch._calm = {"constant_torque": FRICTION}, {"constant_torque": 0}
     with full_disk(max(path.stat().st_size for path in tmp_path.iterdir() if path.suffix == ".db")):

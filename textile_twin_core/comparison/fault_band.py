@@ -21,7 +21,7 @@ _ROUNDING = 1e-6
 """Share of the torque below which its scatter is rounding, as in a simulator."""
 _FAR = 8.0
 """Scatters from the median at which the values of learnt turns are clipped."""
-_SAME_SPEED, _FEWEST = 0.05, 0.05
+SAME_SPEED, _FEWEST = 0.05, 0.05
 """Relative difference within which two speeds are equal; share of the turns at a speed that makes it known."""
 _OF_MEDIAN = 0.5 * math.pi
 """Variance of a median over that of a mean."""
@@ -63,7 +63,7 @@ class Band:
 
     def knows_speed(self, speed_rad_s: float) -> bool:
         """Return true if enough of the turns were made at this speed."""
-        near = np.abs(self.speeds_rad_s - speed_rad_s) < _SAME_SPEED * abs(speed_rad_s)
+        near = np.abs(self.speeds_rad_s - speed_rad_s) < SAME_SPEED * abs(speed_rad_s)
         return bool(np.mean(near) >= _FEWEST)
 
 

@@ -27,7 +27,7 @@ _MOST = 0.6
 """Share of the change that one explanation must take to be named."""
 _AS_USUAL = 4.0
 """Largest distance of the mean of some turns from a band that contains them, in standard deviations."""
-_NOISE, _DROPOUT = SERIES.index("noise"), SERIES.index("dropout")
+_NOISE, _PROFILE, _DROPOUT = (SERIES.index(name) for name in ("noise", "profile", "dropout"))
 _TO_RPM = 30.0 / math.pi
 
 
@@ -73,7 +73,7 @@ def named(turns: TurnFeatures, band: Band, worth: FloatArray) -> tuple[str, floa
         return KINDS[best], size
     profiles = np.nan_to_num(turns.profile_Nm - band.profile_Nm)
     lasting, each = float(np.mean(np.mean(profiles, axis=0) ** 2)), float(np.mean(profiles**2))
-    if lasting > _MOST * each:
+    if lasting > _MOST * each and rows[_PROFILE] > worth[_PROFILE]:
         return "profile", float(np.sqrt(lasting))
     return ("noise", float(rows[_NOISE])) if rows[_NOISE] > worth[_NOISE] else ("", 0.0)
 

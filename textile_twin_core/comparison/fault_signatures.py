@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
-from textile_twin_core.comparison.alignment import fast_speed
 from textile_twin_core.comparison.evidence import Settings
 from textile_twin_core.comparison.range_ends import RangeEnds
 from textile_twin_core.comparison.shaft_track import TURN
@@ -17,6 +16,7 @@ from textile_twin_core.comparison.uncertainty import turn_normals, turn_scores
 
 BINS = 36
 FEWEST_TORQUES_PER_TURN = 12
+_SLOW = 0.05
 _PHASE_STEP = 1e-3
 _JUMP_GUARD_RAD = 0.15
 """Samples this close to a discontinuity of the load are left out: else it would dominate the slip of an angle."""
@@ -64,9 +64,15 @@ class TurnFeatures:
         return TurnFeatures(**{name: np.concatenate([getattr(each, name) for each in turns]) for name in names})
 
 
-def slow_speed(omega_rad_s: FloatArray) -> float:
-    """Return the speed below which the shaft counts as standing [rad/s]."""
-    return 0.05 * fast_speed(omega_rad_s)
+def slow_speed(omega_rad_s: FloatArray, turn: IntArray) -> FloatArray:
+    """Speed (n,) below which the shaft counts as standing, by the largest one in the turn of each sample.
+
+    Turns beside it have no effect, so live blocks and a whole recording give the same.
+    """
+    of_turn = np.unique(turn, return_inverse=True)[1]
+    fastest = np.zeros(int(of_turn.max()) + 1 if of_turn.size else 0)
+    np.maximum.at(fastest, of_turn, np.abs(omega_rad_s))
+    return np.asarray(_SLOW * fastest[of_turn])
 
 
 @dataclass(frozen=True)
@@ -80,7 +86,7 @@ class Signatures:
 
 
 def signatures(
-    terms: TorqueTerms, theta: FloatArray, omega: FloatArray, alpha: FloatArray, slow_rad_s: float
+    terms: TorqueTerms, theta: FloatArray, omega: FloatArray, alpha: FloatArray, slow_rad_s: FloatArray
 ) -> Signatures:
     """Evaluate the signatures at states (n,); below `slow_rad_s` the shaft counts as standing."""
     parts = terms.at(theta, omega, alpha, slow_rad_s)
@@ -109,13 +115,13 @@ def turn_features(
         filtered: signatures at each sample behind the filter of the sensor; None: it has no filter.
     """
     theta, omega, alpha = states
-    slow = slow_speed(omega)
+    whole = np.floor(theta / TURN).astype(np.int64)
+    slow = slow_speed(omega, whole)
     seen = signatures(terms, theta, omega, alpha, slow) if filtered is None else filtered
     torque = seen.torque
     # At a discontinuity of the load the side is uncertain and a slope is meaningless.
     good = np.isfinite(torque) & np.isfinite(torque_Nm) & ~terms.near_step(theta, omega, 0.002, _JUMP_GUARD_RAD)
     good &= np.abs(omega) > slow
-    whole = np.floor(theta / TURN).astype(np.int64)
     cut = np.zeros(good.size, np.bool_)
     cut[good] = ends.find(torque_Nm[good])
     cut &= ~_mostly(cut, good, whole)

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from textile_twin_core.arrays import FloatArray
+from textile_twin_core.arrays import BoolArray, FloatArray
+from textile_twin_core.comparison.fault_band import SAME_SPEED, Band, Departure, band_of
 from textile_twin_core.comparison.fault_band import SERIES as SERIES
-from textile_twin_core.comparison.fault_band import Band, Departure, band_of
 from textile_twin_core.comparison.fault_naming import (
     OF_SAMPLES,
     SIDE,
@@ -28,6 +28,15 @@ _ALIKE = 4.0
 """Largest difference of the halves of a set of like turns, in standard deviations."""
 _MOST_KNOWN = 8
 """Most bands in memory while alarms stand."""
+_UNSURE, _LEAST_UNSURE = 2.0, 0.02
+"""A turn is left out where its torque is this many times less certain than in the learnt turns, by the acceleration; an
+uncertainty below the second number, a share of the torque's size, never counts."""
+_SURE, _BEST = 1.5, 0.2
+"""Turns are learnt whose torque is at most this many times less certain than that of the best, by quantile: an
+estimator that begins is uncertain for many turns."""
+_SHARED, _LOOKS = 0.1, 20
+"""Turns are learnt at speeds at which this share of the turns to learn is made: a run-up passes each speed once. Looks
+for them while `learn_turns` pass."""
 
 
 @dataclass(frozen=True)
@@ -89,6 +98,8 @@ class FaultWatch:
 
     def __post_init__(self) -> None:
         self._learning: list[TurnFeatures] = []
+        self._unsure: list[float] = []  # of the learnt turns; empty after `resume`
+        self.unwatched = 0  # turns taken until the first band was learnt
         self._known: list[Departure] = []  # from the first band, and from the band after each alarm
         self._since: list[TurnFeatures] = []  # after the last alarm
         self._settling = False  # the band after the last alarm is not learnt yet
@@ -101,7 +112,7 @@ class FaultWatch:
     @property
     def learnt(self) -> bool:
         """True once the first band is learnt."""
-        return len(self._learning) >= self.settings.learn_turns
+        return bool(self._known)
 
     @property
     def turns_learnt(self) -> int:
@@ -136,26 +147,58 @@ class FaultWatch:
         self._calm = dict.fromkeys(self._raised, 0)
         self._settling = bool(self._calm)
 
-    def take(self, turns: TurnFeatures) -> tuple[list[Alarm], FloatArray]:
-        """Take turns; return the alarms that they raise and departures (t, series) in sigmas, 0 while learning."""
+    def take(self, turns: TurnFeatures, unsure: FloatArray) -> tuple[list[Alarm], FloatArray]:
+        """Watch turns.
+
+        Args:
+            turns: (t,) turns.
+            unsure: (t,) standard deviation of the predicted torque in each, by the shaft's acceleration [N m].
+
+        Returns:
+            The alarms that they raise, and departures (t, series) in sigmas, 0 while learning.
+        """
         alarms: list[Alarm] = []
         rows = []
         for k in range(turns.number.size):
-            rows.append(self._one(turns.where(slice(k, k + 1)), alarms))
+            rows.append(self._one(turns.where(slice(k, k + 1)), float(unsure[k]), alarms))
         return alarms, np.array(rows).reshape(len(rows), len(SERIES))
 
-    def _one(self, turn: TurnFeatures, alarms: list[Alarm]) -> FloatArray:
+    def _one(self, turn: TurnFeatures, unsure: float, alarms: list[Alarm]) -> FloatArray:
         if not self.learnt:
-            self._learning.append(turn)
-            if self.learnt:
+            self.unwatched += 1
+            most = 4 * self.settings.learn_turns
+            self._learning = [*self._learning[1 - most :], turn]
+            self._unsure = [*self._unsure[1 - most :], unsure]
+            usual = self._usual()
+            if usual.sum() >= self.settings.learn_turns:
+                self._learning = [self._learning[k] for k in np.flatnonzero(usual)]
+                self._unsure = np.array(self._unsure)[usual].tolist()
                 self._known = [self._departure(self._learning)]
             return np.zeros(len(SERIES))
+        least = _LEAST_UNSURE * self.torque_Nm
+        if self._unsure and unsure > max(_UNSURE * float(np.median(self._unsure)), least):
+            return self.latest.copy()
         for departure in {id(each): each for each in (self._known[0], self._known[-1])}.values():
             departure.take(turn)
         self.latest = self._known[0].sigmas
         self._clear()
         self._judge(turn, alarms)
         return self.latest.copy()
+
+    def _usual(self) -> BoolArray:
+        """Mask of the turns so far at speeds that many of them share, and with no uncertain motion; all false between
+        two looks.
+        """
+        turns, enough = self._learning, self.settings.learn_turns
+        if len(turns) < enough or self.unwatched % max(enough // _LOOKS, 1):
+            return np.zeros(len(turns), dtype=np.bool_)
+        unsure = np.array(self._unsure)
+        sure = unsure <= max(_SURE * float(np.quantile(unsure, _BEST)), _LEAST_UNSURE * self.torque_Nm)
+        speeds = np.abs(np.concatenate([turn.speed_rad_s for turn in turns]))
+        ranked = np.sort(speeds[sure])
+        above = np.searchsorted(ranked, (1.0 + SAME_SPEED) * speeds, side="right")
+        shared = above - np.searchsorted(ranked, (1.0 - SAME_SPEED) * speeds) >= _SHARED * enough
+        return np.asarray(sure & shared)
 
     def _departure(self, turns: list[TurnFeatures]) -> Departure:
         memory = self.settings.memory_turns

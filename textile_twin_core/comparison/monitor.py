@@ -36,15 +36,19 @@ from textile_twin_core.twin.session import encoder_settings
 _KEPT_S = 60.0
 _PEAK_SAMPLES = 720
 _BLOCK = 8192
+_MOSTLY = 0.9
+_PART = 0.2
+"""Share of a turn that may be missing where a record begins or ends, and least share of it that has torques."""
 
 
 @dataclass(frozen=True)
 class Trend:
-    """Watched turns, by column, (t,) each, the alarms they raised, and notes for a person."""
+    """Turns by column, (t,) each, the alarms they raised, notes for a person, and how many turns the band took."""
 
     columns: Mapping[str, FloatArray | IntArray]
     alarms: tuple[Alarm, ...]
     notes: tuple[str, ...] = ()
+    unwatched: int = 0
 
 
 class Monitor:
@@ -53,16 +57,18 @@ class Monitor:
     Args:
         machine: with calibrated sensors (see `calibrate`).
         settings: settings of the watch.
-        shaft: estimator of the shaft's motion, causal or lag; smooth for a recording, all at once.
+        shaft: estimator of the shaft's motion, causal or lag.
     """
 
-    def __init__(self, machine: Machine, settings: WatchSettings | None = None, shaft: str = "causal") -> None:
+    def __init__(self, machine: Machine, settings: WatchSettings | None = None, shaft: str = "lag") -> None:
         self._terms = TorqueTerms(machine)
         self._filter = TorqueFilter.of(machine.sensors.torque)
         self._settings = configured_settings(machine)
         encoder = machine.sensors.encoder
         self._encoder = encoder
         self._estimator = create_estimator(shaft, **encoder_settings(replace(encoder, direction=1, zero_rad=0.0)))
+        self._inertia = self._mean_inertia(machine)
+        self._begins = True  # no turn has been watched since the first sample
         self.watch = FaultWatch(self._torque_size(machine), settings or WatchSettings())
         self._states: list[FloatArray] = []
         self._torque: list[tuple[IntArray, FloatArray]] = []
@@ -104,6 +110,7 @@ class Monitor:
     def restart(self) -> None:
         """Restart after time was set back: keep the learnt band, drop the samples of incomplete turns."""
         self._estimator.reset()
+        self._begins = True
         self._states.clear()
         self._torque.clear()
         self._origin_ns = None
@@ -127,11 +134,12 @@ class Monitor:
         theta, omega, alpha, good = track.at(time)
         s = self._settings
         states = s.direction * theta - s.zero_rad, s.direction * omega, s.direction * alpha
+        place = (s.direction * rows[:, 1] - s.zero_rad) / TURN
+        begin, end = np.interp([max(rows[0, 0], time[0]), min(rows[-1, 0], time[-1])], rows[:, 0], place).tolist()
+        sense = math.copysign(1.0, place[-1] - place[0])
         ready = good
-        if not last:  # complete turns are those that the shaft has left, in either direction
-            sense = s.direction * math.copysign(1.0, rows[-1, 1] - rows[0, 1])
-            present = float(np.floor((s.direction * rows[-1, 1] - s.zero_rad) / TURN))
-            ready = good & (sense * np.floor(states[0] / TURN) < sense * present)
+        if not last:  # complete turns are those that the shaft and its torque have left, in either direction
+            ready = good & (sense * np.floor(states[0] / TURN) < sense * np.floor(end))
         if np.count_nonzero(ready) < FEWEST_TORQUES_PER_TURN:
             return Trend({}, ())
         filtered, seen = None, torque[ready]
@@ -140,19 +148,25 @@ class Monitor:
             seen[~settled] = np.nan
         at = states[0][ready], states[1][ready], states[2][ready]
         found = turn_features(self._terms, s, stamps[ready], seen, at, self._ends, filtered)
-        kept = _whole(found)
-        alarms, away = self.watch.take(kept)
+        partial = {math.floor(begin)} if self._begins and _missing(begin, sense) > _PART else set()
+        if last and _missing(end, -sense) > _PART:
+            partial.add(math.floor(end))
+        self._begins = False
+        kept = _whole(found, partial, float(np.median(np.diff(time))))
+        turn = np.floor(place)
+        unsure = self._inertia * np.array([np.quantile(rows[turn == number, 4], _MOSTLY) for number in kept.number])
+        alarms, away = self.watch.take(kept, unsure)
         self.turns += kept.number.size
         self._forget(float(time[ready].max()), stamps, torque)
         cut_off = int(kept.cut_off.sum())
         notes = (range_end_note(cut_off, self._ends.values_Nm, "turns are watched"),) if cut_off else ()
-        return _trend(kept, away, alarms, notes)
+        return _trend(kept, away, alarms, notes, self.watch.unwatched)
 
     def _filtered(self, track: ShaftTrack, time_s: FloatArray) -> tuple[Signatures, BoolArray]:
         """Return the signatures behind the filter of the sensor at times (m,), and where the filter has settled."""
         s = self._settings
         theta, omega = s.direction * track.theta_rad - s.zero_rad, s.direction * track.omega_rad_s
-        whole = signatures(self._terms, theta, omega, s.direction * track.alpha_rad_s2, slow_speed(omega))
+        whole = signatures(self._terms, theta, omega, s.direction * track.alpha_rad_s2, slow_speed(omega, _turn(theta)))
         columns = [getattr(whole, field.name) for field in fields(whole)]
         good = np.isfinite(np.stack(columns)).all(axis=0)
         found, settled = filtered_at(
@@ -168,7 +182,14 @@ class Monitor:
         if self._origin_ns is None:
             self._origin_ns = int(stamps[0])
         rows = np.stack(
-            [(stamps - self._origin_ns) * 1e-9, states.theta_rad, states.omega_rad_s, states.alpha_rad_s2], axis=1
+            [
+                (stamps - self._origin_ns) * 1e-9,
+                states.theta_rad,
+                states.omega_rad_s,
+                states.alpha_rad_s2,
+                states.sigma[:, 2],
+            ],
+            axis=1,
         )
         usable = states.settled & np.isfinite(rows).all(axis=1)
         if usable.any():
@@ -195,10 +216,25 @@ class Monitor:
             kept = np.abs(stamps - (stamps[-1:] if newest_ns is None else newest_ns)) <= round(_KEPT_S * 1e9)
             self._torque = [(stamps[kept], torque[kept])]
 
+    def _mean_inertia(self, machine: Machine) -> float:
+        theta, none = machine.shaft_angles(_PEAK_SAMPLES), np.zeros(_PEAK_SAMPLES)
+        faster, even = (self._terms.at(theta, none, none + alpha, 0.0).mechanism for alpha in (1.0, 0.0))
+        return float(np.nanmean(faster - even))
+
     def _torque_size(self, machine: Machine) -> float:
         theta = machine.shaft_angles(_PEAK_SAMPLES)
         speed = np.full(_PEAK_SAMPLES, machine.nominal_speed_rad_s)
         return float(np.nanmax(np.abs(self._terms.at(theta, speed, np.zeros(_PEAK_SAMPLES), 0.0).total)))
+
+
+def _turn(theta: FloatArray) -> IntArray:
+    return np.floor(theta / TURN).astype(np.int64)
+
+
+def _missing(place: float, sense: float) -> float:
+    """Share of a turn before a place in it, as the shaft turns."""
+    share = place - math.floor(place)
+    return share if sense > 0.0 else 1.0 - share
 
 
 def monitor_recording(
@@ -211,7 +247,7 @@ def monitor_recording(
 
     `progress` is called with the number of angles taken, and again when all of them have been watched.
     """
-    monitor = Monitor(machine, settings, "smooth")
+    monitor = Monitor(machine, settings)
     monitor.add_torques(*usable_measurements(readings.torque_stamps_ns, readings.torque)[:2])
     for start in range(0, len(readings.angle), _BLOCK):
         part = slice(start, start + _BLOCK)
@@ -225,19 +261,14 @@ def monitor_recording(
     return trend
 
 
-def _whole(found: TurnFeatures) -> TurnFeatures:
-    """Drop turns with too few samples; keep the first and last only if the shaft turned through them."""
-    if not found.number.size:
-        return found
-    way = found.count * np.abs(found.speed_rad_s)  # part of a slow turn may hold many samples
-    usual = float(np.median(way))
-    kept = (found.count >= FEWEST_TORQUES_PER_TURN) & (way >= 0.2 * usual)
-    kept[0] &= way[0] > 0.8 * usual
-    kept[-1] &= way[-1] > 0.8 * usual
-    return found.where(kept)
+def _whole(found: TurnFeatures, partial: set[int], step_s: float) -> TurnFeatures:
+    """Drop turns with too few torques, and those by number in which the record begins or ends; torques by `step_s`."""
+    covered = found.count * np.abs(found.speed_rad_s) * step_s  # part of a slow turn may hold many samples
+    kept = (found.count >= FEWEST_TORQUES_PER_TURN) & (covered >= _PART * TURN)
+    return found.where(kept & ~np.isin(found.number, list(partial)))
 
 
-def _trend(turns: TurnFeatures, away: FloatArray, alarms: list[Alarm], notes: tuple[str, ...]) -> Trend:
+def _trend(turns: TurnFeatures, away: FloatArray, alarms: list[Alarm], notes: tuple[str, ...], unwatched: int) -> Trend:
     columns: dict[str, FloatArray | IntArray] = {
         "turn": turns.number,
         "stamp_ns": turns.start_ns,
@@ -249,4 +280,4 @@ def _trend(turns: TurnFeatures, away: FloatArray, alarms: list[Alarm], notes: tu
     }
     columns |= {f"{kind}_size": turns.sizes[:, k] for k, kind in enumerate(KINDS)}
     columns |= {f"{name}_sigmas": away[:, k] for k, name in enumerate(SERIES)}
-    return Trend(columns, tuple(alarms), notes)
+    return Trend(columns, tuple(alarms), notes, unwatched)

@@ -69,7 +69,7 @@ class TorqueTerms:
         torque = self.at(angles, speed, speed**2, 0.0).total
         return bool(np.ptp(torque) > _ROUNDING * np.max(np.abs(torque)))
 
-    def at(self, theta: FloatArray, omega: FloatArray, alpha: FloatArray, slow_rad_s: float) -> Terms:
+    def at(self, theta: FloatArray, omega: FloatArray, alpha: FloatArray, slow_rad_s: float | FloatArray) -> Terms:
         """Evaluate the parts at states (n,)."""
         out = self._twin.evaluate(theta, omega, alpha)
         direction = np.where(np.abs(omega) > slow_rad_s, np.sign(omega), 0.0)

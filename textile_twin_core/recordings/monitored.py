@@ -47,7 +47,7 @@ class Watched:
         alarms: Alarms raised.
         error: Reason why the recording was not monitored; empty otherwise.
         notes: Remarks on the recording for the user.
-        learnt: Number of turns used as the baseline, which are not monitored.
+        learnt: Number of turns until the baseline was learnt, which are not monitored.
         begin_ns: Stamp of the first angle [ns].
     """
 
@@ -87,21 +87,21 @@ def watch_bag(job: Job, progress: Progress | None = None) -> Watched:
     except TwinError as error:
         return Watched(job.bag, {}, (), str(error))
     notes += found.notes
-    turns, learnt = len(found.columns.get("turn", ())), job.settings.learn_turns
+    turns, learnt = len(found.columns.get("turn", ())), max(found.unwatched, job.settings.learn_turns)
     if turns > learnt:
         notes += _foreign(found.columns, torque.torque_Nm)
         begin = int(angles.stamps.min())
         return Watched(job.bag, found.columns, found.alarms, "", notes, learnt, begin)
     why = (
-        f"{job.bag}: the shaft makes {turns} whole turns beside measured torque, and the first {learnt} are the"
-        " baseline: nothing is watched; record longer, or learn from fewer (--learn)"
+        f"{job.bag}: the shaft makes {turns} whole turns beside measured torque, and {job.settings.learn_turns} at"
+        " steady speed are the baseline: nothing is watched; record longer, or learn from fewer (--learn)"
     )
     return Watched(job.bag, found.columns, (), "; ".join([why, *notes]))
 
 
 def _foreign(columns: Mapping[str, FloatArray | IntArray], torque_Nm: FloatArray) -> tuple[str, ...]:
     """Warn if the machine explains little of the torque, since faults would then be named by chance."""
-    residual, measured = float(np.median(columns["rms_Nm"])), float(np.sqrt(np.mean(np.square(torque_Nm))))
+    residual, measured = float(np.median(columns["rms_Nm"])), float(np.sqrt(np.nanmean(np.square(torque_Nm))))
     if residual <= _LARGEST_RESIDUAL * measured:
         return ()
     return (

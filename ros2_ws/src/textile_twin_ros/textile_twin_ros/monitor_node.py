@@ -55,7 +55,7 @@ _MOST_WRITES = 24
 class MonitorParameters(SensorParameters):
     """Parameters of monitor_node."""
 
-    shaft: str = parameter("causal", "estimator of the shaft's state", choices=("causal", "lag"))
+    shaft: str = parameter("lag", "estimator of the shaft's state", choices=("causal", "lag"))
     learn_turns: int = parameter(100, "turns from which the machine's own band is learnt", between=(20, 100_000))
     raise_sigmas: float = parameter(8.0, "an alarm comes this far outside the band", between=(3.0, 1000.0))
     clear_sigmas: float = parameter(4.0, "and goes when it is nearer than this", between=(1.0, 1000.0))
