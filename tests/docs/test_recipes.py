@@ -79,7 +79,7 @@ def test_a_class_becomes_part_of_the_package(
 
 def test_every_topic_of_the_twin_has_the_places_of_its_recipe() -> None:
     pytest.importorskip("rclpy")
-    from textile_twin_ros.own_topics import OUTPUTS
+    from textile_twin_ros.machine_namespace import OUTPUTS
 
     text = recipe("A topic of the twin")
     for place in re.findall(r"`((?:textile_twin_core|ros2_ws)/[\w/]+\.py)`", text):
