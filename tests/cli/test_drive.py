@@ -10,7 +10,7 @@ import pytest
 
 from textile_twin_core.cli.main import main
 from textile_twin_core.files import read_motion_table
-from textile_twin_core.recordings.log_read import read_log
+from textile_twin_core.recordings.log_files import read_table
 
 
 def test_the_torque_that_drove_it_comes_back_from_simulate(tmp_path: Path) -> None:
@@ -20,7 +20,7 @@ def test_the_torque_that_drove_it_comes_back_from_simulate(tmp_path: Path) -> No
     table = read_motion_table(motion)
     assert table.omega_rad_s[0] == pytest.approx(100.0 * math.pi / 30.0)
     assert main(["simulate", *arguments[:3], "--input", str(motion), "--out", str(torque)]) == 0
-    np.testing.assert_allclose(read_log(torque)["balancing_torque_Nm"], 2.5, atol=1e-6)
+    np.testing.assert_allclose(read_table(torque)[0]["balancing_torque_Nm"], 2.5, atol=1e-6)
 
 
 @pytest.mark.parametrize("over", ["time_s", "theta_rad"])
@@ -31,7 +31,7 @@ def test_a_torque_from_a_table(over: str, tmp_path: Path) -> None:
     out = tmp_path / "motion.parquet"
     arguments = ["drive", "handloom_beatup", "--torque", str(tmp_path / "torque.csv"), "--time", "0.5"]
     assert main([*arguments, "--out", str(out)]) == 0
-    columns = read_log(out)
+    columns = read_table(out)[0]
     given = np.interp(columns["time_s"], place, 3.0 + np.sin(place)) if over == "time_s" else None
     expected = 3.0 + np.sin(columns["theta_rad"]) if given is None else given
     np.testing.assert_allclose(columns["drive_torque_Nm"], expected, atol=2e-3)
@@ -41,7 +41,7 @@ def test_a_torque_from_a_table(over: str, tmp_path: Path) -> None:
 def test_a_negative_torque_is_no_option(torque: str, tmp_path: Path) -> None:
     out = tmp_path / "motion.csv"
     assert main(["drive", "handloom_beatup", "--torque", torque, "--rpm", "9", "--time", "0.1", "--out", str(out)]) == 0
-    np.testing.assert_array_equal(read_log(out)["drive_torque_Nm"], float(torque))
+    np.testing.assert_array_equal(read_table(out)[0]["drive_torque_Nm"], float(torque))
 
 
 def test_mistakes_are_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -16,7 +16,7 @@ from textile_twin_core.comparison.quantity import QuantityComparison, Trace, com
 from textile_twin_core.comparison.uncertainty import Estimate
 from textile_twin_core.files import staged
 from textile_twin_core.machine import Machine
-from textile_twin_core.recordings.log_import import MEASURED
+from textile_twin_core.recordings.log_apply import MEASURED
 
 SPEED = "speed"
 

@@ -21,7 +21,7 @@ from textile_twin_core.dynamics.drive_torque import DriveTorque, TorqueOverAngle
 from textile_twin_core.errors import MotionError
 from textile_twin_core.files import write_table
 from textile_twin_core.machine import Machine
-from textile_twin_core.recordings.log_read import read_log
+from textile_twin_core.recordings.log_files import read_table
 
 _SUFFIXES = (".csv", ".parquet")
 _TIMES_NOMINAL, _TIMES_START = 100.0, 10.0
@@ -128,7 +128,7 @@ def _torque(text: str) -> DriveTorque | float:
 
 
 def _table(path: Path) -> DriveTorque:
-    columns = read_log(path)
+    columns, _ = read_table(path)
     for names, kind in ((_OVER_TIME, TorqueOverTime), (_OVER_ANGLE, TorqueOverAngle)):
         if all(name in columns for name in names):
             first, torque = (tuple(columns[name].tolist()) for name in names)

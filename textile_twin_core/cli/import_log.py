@@ -3,29 +3,34 @@
 from __future__ import annotations
 
 import argparse
-import math
 import sys
+from collections.abc import Container, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from textile_twin_core.cli.arguments import Parser, factor, number, positive
 from textile_twin_core.cli.mistakes import UsageError
 from textile_twin_core.cli.named_machine import load_linkage
 from textile_twin_core.cli.progress import aside, stages
 from textile_twin_core.recordings import BagWriter
-from textile_twin_core.recordings.log_columns import choose
-from textile_twin_core.recordings.log_import import RawChannels, import_log
+from textile_twin_core.recordings.log_apply import LoggedSamples, apply
+from textile_twin_core.recordings.log_files import read_table
+from textile_twin_core.recordings.log_guess import Ask, guess, guess_torque_log
 from textile_twin_core.recordings.log_mapping import (
     NO_COLUMN,
     Channel,
     Clock,
     LogMapping,
     LongForm,
+    OtherLogger,
     mapping_path,
     read_mapping,
     write_mapping,
 )
-from textile_twin_core.recordings.log_read import read_log
+from textile_twin_core.recordings.log_table import Columns
+from textile_twin_core.recordings.log_units import choose
+from textile_twin_core.recordings.two_loggers import on_clock_of_angle
 
 _KINDS = {
     "time": "s, ms, us, ns, min, hours, days",
@@ -47,10 +52,10 @@ def parser() -> Parser:
     """Build the argument parser."""
     parser = Parser(
         "import",
-        "Makes a recording from a log: CSV with any separator, decimal comma, with or without a header; Parquet;\n"
-        "MATLAB; HDF5, TDMS and MDF4 with the extra 'logs'. Columns are found by their names, units by their names or\n"
-        "by the height at which a wrapped angle wraps; what is not found is asked for, or given by the options. What\n"
-        "was found is written beside the recording, BAG.mapping.yaml: correct it, and give it back with --mapping.",
+        "Makes a recording from a log: CSV with any separator, decimal comma, with or without a header; rows that\n"
+        "label each value; Parquet; MATLAB; HDF5, TDMS and MDF4 with the extra 'logs'. Columns are recognised by\n"
+        "their names, units by their names or by the height at which an angle wraps; otherwise the options give them.\n"
+        "The mapping is written beside the recording, BAG.mapping.yaml: correct it, and give it back with --mapping.",
         "textile-twin import log.csv --out bag --angle 'Winkel [deg]' --torque 'Md' --torque-unit Ncm",
     )
     parser.add_argument(
@@ -75,6 +80,14 @@ def parser() -> Parser:
     )
     parser.add_argument("--time-steps", action="store_true", help="the times are those since the row before")
     parser.add_argument("--torque-time", metavar="COLUMN", help="column of the torque's own times")
+    other = parser.add_argument_group(
+        "torque in the file of a second logger; --torque, --torque-unit .. are its columns"
+    )
+    other.add_argument("--torque-log", type=Path, metavar="LOG2", help="the file; its clock is found by what both hold")
+    other.add_argument("--torque-time-unit", metavar="UNIT", help="of its times, as --time-unit")
+    other.add_argument("--torque-log-speed", metavar="COLUMN", help="its column of the shaft's speed, in any unit")
+    other.add_argument("--torque-offset", type=number, metavar="S", help="added to its times, if it is known")
+    other.add_argument("--machine", help="predicts the torque, for a second log without a speed")
     parser.add_argument(
         "--signal-column",
         metavar="COLUMN",
@@ -90,17 +103,6 @@ def parser() -> Parser:
         " sley_position_m=camera; may be repeated",
     )
     parser.add_argument("--quantity-unit", metavar="UNIT", help="mm, m, cm, deg, rad, mm/s, rpm, N, ..")
-    raw = parser.add_argument_group("raw channels of a test rig, with --machine")
-    raw.add_argument("--machine", help="a machine: its encoder's teeth, and how the force's point moves")
-    raw.add_argument("--pickup", metavar="COLUMN", help="voltage of a pickup on a toothed wheel, instead of an angle")
-    raw.add_argument("--drive-force", metavar="MEASURE=COLUMN", help="a force along a measure, which drives the shaft")
-    raw.add_argument("--drive-force-scale", type=factor, metavar="X", help="N per unit; default 1")
-    raw.add_argument(
-        "--drive-force-zero",
-        type=number,
-        metavar="DEG",
-        help="shaft angle without a force, for sensors that drift",
-    )
     parser.add_argument("--rate", type=_rate, metavar="HZ", help="rows a second, for a log without times")
     parser.add_argument("--torque-scale", type=factor, metavar="X", help="N m per unit of the torque, as for volts")
     parser.add_argument("--separator", metavar="C", help="of a text table, where it is not found out; 'tab' for tabs")
@@ -120,11 +122,10 @@ def _rate(text: str) -> float:
 def run(arguments: argparse.Namespace) -> None:
     """Read the log, map its columns, write the recording and report."""
     _check_conflicts(arguments)
-    mapping = _mapping(arguments)
-    quantities = mapping.quantities
+    wished = _mapping(arguments)
     separator = "\t" if arguments.separator == "tab" else arguments.separator
     described = mapping_path(arguments.out)
-    written = arguments.mapping is None and arguments.pickup is None
+    written = arguments.mapping is None
     if written and described.exists() and not arguments.force:
         raise UsageError(f"{described} exists; give it with --mapping, or replace it with --force")
     ask = _ask if sys.stdin.isatty() and sys.stdout.isatty() else None
@@ -132,31 +133,75 @@ def run(arguments: argparse.Namespace) -> None:
         stage("reading", _READ, 1)
         # Opened first, so that an unwritable place fails before the work.
         with BagWriter(arguments.out, {"imported_from": arguments.log.name}, overwrite=arguments.force) as out:
-            table = read_log(
-                arguments.log,
-                separator,
-                arguments.decimal,
-                arguments.table,
-                _note,
-                mapping.text if arguments.separator is None and arguments.decimal is None else None,
-                mapping.signals,
+            form = wished.text if arguments.separator is None and arguments.decimal is None else None
+            columns, head = read_table(
+                arguments.log, separator, arguments.decimal, arguments.table, form, wished.signals
             )
-            rows = max(map(len, table.values()))
-            done = stage("writing", 1.0, rows * (2 + len(quantities)))
-            mapping, taken = import_log(table, out, mapping, ask, done or _uncounted, _raw(arguments))
+            for note in head.notes:
+                _note(note)
+            rows = max(map(len, columns.values()))
+            done = stage("writing", 1.0, rows * (2 + len(wished.quantities)))
+            found = guess(columns, head, wished, ask)
+            mapping = found.mapping
+            samples = apply(mapping, columns)
+            reasons = dict(found.reasons)
+            if wished.torque_log is not None:
+                mapping, samples = _with_torque_log(arguments, mapping, columns, samples, reasons, ask)
+            samples.write(out, done or _uncounted)
             counts = out.counts
         if written:
-            write_mapping(described, replace(mapping, text=table.text, signals=table.long_form), arguments.log.name)
-    for kind, text in taken.items():
-        print(f"{kind:7} {text}")
-    if "torque" not in taken and not quantities and mapping.torque.column != arguments.torque:
+            write_mapping(described, replace(mapping, text=head.text, signals=head.long_form), arguments.log.name)
+    _report(reasons, mapping, samples, head.signals)
+    if samples.torque is None and not wished.quantities and wished.torque.column != NO_COLUMN:
         print("torque  none in this log; name its column with --torque if there is one")
-        for name in choose("torque", table.left_out):
-            print(f"note    column '{name}' holds {table.left_out[name]}, no numbers")
+        for name in choose("torque", head.left_out):
+            print(f"note    column '{name}' holds {head.left_out[name]}, no numbers")
     for topic, count in counts.items():
         print(f"{topic}  {count} messages")
     if written:
         print(f"mapping {described}: columns, units and times as taken; correct them and give them with --mapping")
+
+
+def _with_torque_log(
+    arguments: argparse.Namespace,
+    mapping: LogMapping,
+    columns: Columns,
+    samples: LoggedSamples,
+    reasons: dict[str, str],
+    ask: Ask | None,
+) -> tuple[LogMapping, LoggedSamples]:
+    """Read the second logger's file, bring its clock to that of the angle, and add its torque."""
+    wished = mapping.torque_log
+    assert wished is not None
+    other, head = read_table(arguments.torque_log, text=wished.text)
+    for note in head.notes:
+        _note(note)
+    torque_log, shared, its_reasons = guess_torque_log(other, head, wished, ask)
+    torque_log = replace(torque_log, text=head.text, offset_s=wished.offset_s, drift=wished.drift)
+    reasons |= its_reasons
+    if wished.offset_s is None:
+        machine = None if arguments.machine is None else load_linkage(arguments.machine, [])
+        found = on_clock_of_angle(mapping, columns, samples.angle, torque_log, other, shared, machine)
+        torque_log, reasons["clocks"] = found.torque_log, found.text
+    mapping = replace(mapping, torque_log=torque_log)
+    return mapping, apply(mapping, columns, other)
+
+
+def _report(
+    reasons: Mapping[str, str], mapping: LogMapping, samples: LoggedSamples, signals: Container[str] = ()
+) -> None:
+    """Print how each column was read."""
+    notes = {"time": samples.clock_note, "angle": samples.angle.note}
+    torque = mapping.torque if mapping.torque_log is None else mapping.torque_log.torque
+    named = {"angle": mapping.angle, "torque": torque, "speed": mapping.speed}
+    named |= {"second angle": mapping.second_angle, **mapping.quantities}
+    others = {"torque": samples.torque, "second angle": samples.second_angle, **samples.quantities}
+    notes |= {kind: channel.note for kind, channel in others.items() if channel is not None}
+    for kind, reason in reasons.items():
+        column = named[kind].column if kind in named else NO_COLUMN
+        about = f"column '{column}', " if column != NO_COLUMN else ""
+        note = "" if column in signals else notes.get(kind, "")  # rows of other signals have no number
+        print(f"{kind:7} {about}{reason}{note}")
 
 
 def _mapping(arguments: argparse.Namespace) -> LogMapping:
@@ -173,7 +218,7 @@ def _mapping(arguments: argparse.Namespace) -> LogMapping:
         fraction=arguments.time_fraction or clock.fraction,
         steps=arguments.time_steps or clock.steps,
     )
-    channels: dict[str, Channel] = {}
+    channels: dict[str, Any] = {}
     for kind in ("angle", "torque", "speed"):
         column, unit = getattr(arguments, kind), getattr(arguments, f"{kind}_unit")
         channel = getattr(mapping, kind) if column is None else Channel(column)
@@ -186,6 +231,12 @@ def _mapping(arguments: argparse.Namespace) -> LogMapping:
         channels["torque"] = replace(channels["torque"], scale=arguments.torque_scale)
     if arguments.torque_time is not None:
         channels["torque"] = replace(channels["torque"], clock=Clock(arguments.torque_time))
+    torque_log = mapping.torque_log
+    if arguments.torque_log is not None:
+        torque_log = _torque_log(arguments, torque_log or OtherLogger(), channels["torque"])
+        channels["torque"] = Channel(NO_COLUMN)
+    elif torque_log is not None:
+        raise UsageError("the mapping has a torque_log: give its file with --torque-log LOG2")
     quantities = dict(mapping.quantities)
     for text in arguments.quantity:
         output, column = _pair("quantity", text)
@@ -196,7 +247,24 @@ def _mapping(arguments: argparse.Namespace) -> LogMapping:
     if arguments.signal_column is not None:
         named = arguments.signal_column != NO_COLUMN
         signals = LongForm(arguments.signal_column, arguments.value_column or "value") if named else LongForm("", "")
-    return LogMapping(clock, **channels, quantities=quantities, text=mapping.text, signals=signals)
+    return LogMapping(
+        clock, **channels, quantities=quantities, text=mapping.text, signals=signals, torque_log=torque_log
+    )
+
+
+def _torque_log(arguments: argparse.Namespace, known: OtherLogger, torque: Channel) -> OtherLogger:
+    """Combine the second log's part of the mapping with the arguments, which take precedence."""
+    clock, shared = known.clock, known.shared
+    if arguments.torque_time is not None:
+        clock = Clock(arguments.torque_time)
+    if arguments.torque_time_unit is not None:
+        clock = replace(clock, unit=arguments.torque_time_unit)
+    if arguments.torque_log_speed is not None:
+        shared = Channel(arguments.torque_log_speed)
+    given = torque.column not in ("", NO_COLUMN) or bool(torque.unit) or torque.scale is not None
+    offset_s = known.offset_s if arguments.torque_offset is None else arguments.torque_offset
+    torque = replace(torque, clock=None, column="" if torque.column == NO_COLUMN else torque.column)
+    return replace(known, clock=clock, torque=torque if given else known.torque, shared=shared, offset_s=offset_s)
 
 
 def _size(path: Path) -> int:
@@ -218,8 +286,6 @@ def _check_conflicts(arguments: argparse.Namespace) -> None:
     together = [
         ("rate", ["time", "time_unit"]),
         ("torque_scale", ["torque_unit"]),
-        ("pickup", [name for kind in ("angle", "torque", "speed") for name in (kind, f"{kind}_unit")]),
-        ("pickup", ["torque_scale", "quantity"]),
     ]
     for option, others in together:
         for other in others:
@@ -227,9 +293,8 @@ def _check_conflicts(arguments: argparse.Namespace) -> None:
                 raise UsageError(f"--{option} and --{other} cannot be combined: leave one out".replace("_", "-"))
     alone = [
         ("quantity_unit", "quantity"),
+        *((name, "torque_log") for name in ("torque_time_unit", "torque_log_speed", "torque_offset", "machine")),
         ("second_angle_unit", "second_angle"),
-        ("drive_force_scale", "drive_force"),
-        ("drive_force_zero", "drive_force"),
     ]
     for option, what in alone:
         if getattr(arguments, option) is not None and not getattr(arguments, what):
@@ -252,20 +317,6 @@ def _answer(kind: str, names: list[str]) -> str:
             return answer
         if answer.isdecimal() and 1 <= int(answer) <= len(names):
             return names[int(answer) - 1]
-
-
-def _raw(arguments: argparse.Namespace) -> RawChannels | None:
-    """Return the raw channels named by the arguments; None without a pickup."""
-    if arguments.pickup is None:
-        if arguments.drive_force is not None or arguments.machine is not None:
-            raise UsageError("--machine and --drive-force go with --pickup")
-        return None
-    if arguments.machine is None:
-        raise UsageError("--pickup needs --machine, whose encoder says how many teeth the wheel has")
-    measure, force = ("", "") if arguments.drive_force is None else _pair("drive-force", arguments.drive_force)
-    zero = None if arguments.drive_force_zero is None else math.radians(arguments.drive_force_zero)
-    machine = load_linkage(arguments.machine, [])
-    return RawChannels(machine, arguments.pickup, measure, force, arguments.drive_force_scale or 1.0, zero)
 
 
 def _pair(option: str, text: str) -> tuple[str, str]:

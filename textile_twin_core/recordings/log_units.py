@@ -1,14 +1,17 @@
-"""Units of time, angle, torque, speed and other quantities, in the spellings of many loggers."""
+"""Units of the columns of a log in the spellings of many loggers, and the quantities that names of columns mean."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+import unicodedata
+from collections.abc import Iterable, Mapping
 
 from textile_twin_core.comparison.readings import ANGLE_TURNS
 from textile_twin_core.inference.torque_units import UNITS_PER_NM
 
+COUNTS = "counts"
+"""Unit of an angle in counts of an encoder, whose number a turn is unknown."""
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "hours": 3600.0, "days": 86400.0}
 SPEED_UNITS = {"rad/s": 1.0, "rpm": math.pi / 30.0, "deg/s": math.pi / 180.0, "rev/s": 2.0 * math.pi}
 TORQUE_UNITS = {
@@ -25,34 +28,84 @@ QUANTITY_UNITS = {
     "m/s2": 1.0, **SPEED_UNITS, "N": 1.0, "kN": 1e3,
 }  # fmt: skip
 """SI units per unit of other quantities."""
+_UNITS_OF = {"time": TIME_UNITS, "angle": {**ANGLE_TURNS, COUNTS: 1.0}, "torque": TORQUE_UNITS, "speed": SPEED_UNITS}
+_ALL = {**TIME_UNITS, **ANGLE_TURNS, **SPEED_UNITS, **TORQUE_UNITS, **QUANTITY_UNITS, COUNTS: 1.0}
 
 BRACKETS = r"[\[(（【][^\])）】]*[\])）】]"
 _MILLI = ("ms", "mm", "mm/s", "mN m")
 """Units whose prefix means mega in upper case."""
 _SPELLINGS = {
-    "nm": "N m", "n*m": "N m", "n·m": "N m", "n.m": "N m", "ncm": "N cm", "nmm": "N mm", "knm": "kN m",
-    "danm": "daN m", "lbft": "lbf ft", "ftlb": "lbf ft", "ftlbf": "lbf ft", "lbin": "lbf in", "inlb": "lbf in",
-    "lbfft": "lbf ft", "lbfin": "lbf in", "inlbf": "lbf in", "ozin": "ozf in", "inoz": "ozf in", "ozfin": "ozf in",
-    "kgfcm": "kgf cm", "kgcm": "kgf cm", "kgfm": "kgf m",
-    "mnm": "mN m", "kgm": "kgf m", "degree": "deg", "degrees": "deg",
-    "°": "deg", "grad": "deg", "radian": "rad", "radians": "rad", "revolutions": "rev", "u": "rev", "turns": "rev",
-    "sec": "s", "seconds": "s", "second": "s", "msec": "ms", "µs": "us", "μs": "us", "usec": "us", "1/min": "rpm",
-    "u/min": "rpm", "min-1": "rpm", "r/min": "rpm", "min^-1": "rpm", "min⁻¹": "rpm", "1/min.": "rpm", "tr/min": "rpm",
-    "giri/min": "rpm", "d/dk": "rpm", "dev/dk": "rpm", "devir/dakika": "rpm", "rot/min": "rpm", "转/分": "rpm",
-    "度": "deg", "º": "deg", "gradi": "deg", "graus": "deg", "grados": "deg", "derece": "deg", "degrés": "deg",
-    "弧度": "rad", "radyan": "rad", "radianti": "rad", "°/s": "deg/s", "rad/sn": "rad/s", "sn": "s", "saniye": "s",
-    "h": "hours", "hr": "hours", "hrs": "hours", "hour": "hours", "stunden": "hours", "minutes": "min", "day": "days",
-    "sek": "s", "秒": "s", "毫秒": "ms", "n∙m": "N m", "n⋅m": "N m", "牛米": "N m", "牛·米": "N m", "kgf·cm": "kgf cm",
-    "kgf·m": "kgf m", "giri": "rev", "tours": "rev", "devir": "rev", "umdr": "rev", "圈": "rev",
+    unit: name
+    for name, spellings in {
+        "N m": "nm n*m n·m n.m n∙m n⋅m 牛米 牛·米", "N cm": "ncm", "N mm": "nmm", "kN m": "knm", "daN m": "danm",
+        "lbf ft": "lbft ftlb ftlbf lbfft", "lbf in": "lbin inlb lbfin inlbf", "ozf in": "ozin inoz ozfin",
+        "kgf cm": "kgfcm kgcm kgf·cm", "kgf m": "kgfm kgm kgf·m", "mN m": "mnm",
+        "deg": "degree degrees ° grad 度 º gradi graus grados derece degrés",
+        "rad": "radian radians 弧度 radyan radianti",
+        "rev": "revolutions u turns giri tours devir umdr 圈",
+        COUNTS: "count counts inc incs ticks tick cts inkremente increments pulses impulse imp impulses",
+        "s": "sec seconds second sek 秒 sn saniye", "ms": "msec millis 毫秒",
+        "us": "µs μs usec micros", "hours": "h hr hrs hour stunden", "min": "minutes", "days": "day",
+        "rpm": "1/min u/min min-1 r/min min^-1 min⁻¹ 1/min. tr/min giri/min d/dk dev/dk devir/dakika rot/min 转/分",
+        "deg/s": "°/s", "rad/s": "rad/sn",
+    }.items()
+    for unit in spellings.split()
 }  # fmt: skip
-
-
 INDEX = re.compile(r"\[(\d{1,2}|'[^']*'|\"[^\"]*\")\]")
 """Element of a list, as in `effort[0]` and `effort['main_shaft']`, not a unit. Counts of a turn have more digits."""
 _MULTIPLE = re.compile(
     r"(?P<number>\d+([.,]\d+)?(e[+-]?\d+)?|1/\d+)\s*[*·×x]?\s*(?P<unit>[^\d\s/*·×.,-].*)", re.IGNORECASE
 )
 """A multiple or a part of a unit, such as `0.1deg`, `1/10 °`, `100 ns`."""
+
+# English, German, French, Italian, Spanish, Portuguese, Turkish and Chinese, as `_plain` writes them.
+_WORDS = {
+    "time": r"\b(time|zeit|uhrzeit|zeitstempel|t[0-9]?|stamp|timestamp|secs?|seconds|date|temps|horodatage|tempo|tiempo"
+    r"|zaman|sure|saat|x value|micros|millis)\b|时间|時間|时刻",
+    "angle": r"angle|winkel|theta|encoder|position|phi|drehgeber|angolo|posizione|encodeur|codeur|angulo|posicion"
+    r"|posicao|\b(pos|aci|acisi|konum|enkoder|kodlayici)\b|角|编码器|編碼器|位置",
+    "torque": r"torque|effort|moment(?!an)|\b(couple|md|tq|tork|torku|par motor)\b|coppia|扭矩|转矩|轉矩|力矩",
+    "speed": r"speed|velocity|drehzahl|geschwindigkeit|omega|rpm|velocita|velocidad|vitesse|rotacao"
+    r"|\b(n|giri|hiz|hizi|devir)\b|速",
+}
+_TURKISH = str.maketrans("İÝıý", "IIii")
+"""Turkish letters without their dots, and the letters shown when cp1254 is read as cp1252."""
+_LETTER_OF_TYPE = r"\b[a-z]{1,2}(?=[A-Z][a-z])"
+"""Letters of type before a variable's name in a controller: fAngle, lrActPos."""
+
+
+def choose(kind: str, names: Iterable[str], unit_given: bool = False) -> list[str]:
+    """Choose columns by names of a kind: time, angle, torque or speed; without any, angle and torque by their unit.
+
+    Candidates with a unit of another quantity are dropped, unless none would remain. If none would, the end of a name
+    may not be a unit (theta_m), but brackets (Position [mm]) are: these candidates are dropped, too, unless the unit is
+    given or the kind is torque, whose column is better refused for its unit than left out.
+    """
+    own, names = _UNITS_OF[kind], list(names)
+    others = set(_ALL) - set(own)
+    unit_of = {name: base_unit(unit_in_name(name)) for name in names}
+    spoken = [name for name in names if re.search(_WORDS[kind], _plain(name))]
+    if not spoken and kind in ("angle", "torque"):
+        return [name for name in names if unit_of[name] in own and unit_of[name] not in ("rev", COUNTS)]
+    fitting = [name for name in spoken if unit_of[name] not in others]
+    bracketed = {name for name in names if re.search(BRACKETS, INDEX.sub("", name))}
+    own_unit = [name for name in fitting if unit_of[name] in own or name not in bracketed]
+    fitting = own_unit or fitting  # T [°C] beside t [s]
+    unsure = [name for name in spoken if name in fitting or name not in bracketed]
+    if unit_given:
+        return unsure or spoken
+    return fitting or (spoken if kind == "torque" else unsure)
+
+
+def _plain(name: str) -> str:
+    """Convert the name of a column to plain lower-case words, without unit, accents, letters of type and camel case."""
+    bare = re.sub(BRACKETS, " ", name).strip() or name
+    bare = re.sub(r"(?<=[A-Za-z])\d{1,2}$", "", bare) if re.search(r"[./]", bare) else bare  # field.effort0
+    bare = re.sub(r"[_ ][Nsm]$", "", bare)
+    words = re.sub(r"[\W_]+", " ", re.sub(_LETTER_OF_TYPE, "", bare))
+    words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", words)
+    letters = unicodedata.normalize("NFKD", words.translate(_TURKISH).lower())
+    return "".join(letter for letter in letters if not unicodedata.combining(letter))
 
 
 def spelled(unit: str) -> str:
@@ -61,8 +114,7 @@ def spelled(unit: str) -> str:
     multiple = _MULTIPLE.fullmatch(plain)
     if multiple is not None and plain.lower() not in _SPELLINGS:
         return f"{_number(multiple['number']):.12g} {spelled(multiple['unit'])}"
-    known = {*TIME_UNITS, *ANGLE_TURNS, *SPEED_UNITS, *TORQUE_UNITS, *QUANTITY_UNITS}
-    squeezed = {name.replace(" ", "").lower(): name for name in known if name != "MN m"}
+    squeezed = {name.replace(" ", "").lower(): name for name in _ALL if name != "MN m"}
     lower = plain.lower()
     bare = re.sub(r"[\s.*·∙⋅-]|(?<=lb)s", "", lower)
     found = _SPELLINGS.get(lower) or squeezed.get(lower.replace(" ", "")) or _SPELLINGS.get(bare) or plain
@@ -104,13 +156,13 @@ def unit_in_name(name: str) -> str:
     last = re.split(r"[_/ ]", name)[-1]
     if len(name) == 1:
         return ""  # n, t: a name of one letter is that of the quantity
-    return spelled(last) if is_unit(last) and spelled(last) != name else ""
+    return spelled(last) if is_unit(last) and spelled(last) != name and spelled(last) != COUNTS else ""
 
 
 def is_unit(text: str) -> bool:
     """Return true if a text is a known unit, in any spelling, with or without brackets."""
     bare = text[1:-1] if re.fullmatch(BRACKETS, text) else text
-    return base_unit(spelled(bare)) in {*TIME_UNITS, *ANGLE_TURNS, *SPEED_UNITS, *TORQUE_UNITS, *QUANTITY_UNITS}
+    return base_unit(spelled(bare)) in _ALL
 
 
 def base_unit(unit: str) -> str:

@@ -12,20 +12,21 @@ import numpy as np
 import numpy.typing as npt
 
 BITS = (16, 24, 32)
-_DECIMALS = tuple(10.0**-k for k in range(10))
+DECIMALS = tuple(10.0**-k for k in range(10))
 """Value of one count in the unit of a logged column: counts, or a unit that is a decimal multiple of them."""
 _NEIGHBOURS = 16
 """Moves before and after a wrap that show how far the shaft or the clock moves meanwhile."""
-_AS_FAST = 3.0
-"""Largest move across a wrap, as a multiple of the largest neighbouring move."""
+_CHANGE = 0.25
+"""Change of the move across a wrap beyond the range of the neighbouring moves, as a share of the largest of them."""
 _MOST = 0.25
 """Largest move between two samples as a share of the width, above which the number of wraps is ambiguous."""
 _CONSISTENT = 0.7
 """Least share of the jumps that are wraps; the others are outliers or restarts."""
-_LEAST_STEP_RAD = 1e-7
-"""Least move of a reading that is a step of an encoder, beyond the rounding of numbers."""
 _WHOLE = 1e-3
 """Largest distance of a reading from a whole count, in counts; a logged decimal number is rounded."""
+
+_ROUNDING = 1e-9
+"""Least difference of two moves, over the largest move, that is no rounding of numbers."""
 
 Values = TypeVar("Values", npt.NDArray[np.float64], npt.NDArray[np.int64])
 
@@ -70,7 +71,7 @@ def unwrap_counter(values: Values, width: float) -> Values:
     return out
 
 
-def find_counter(values: npt.NDArray[np.float64 | np.int64], counts: Sequence[float] = _DECIMALS) -> Counter | None:
+def find_counter(values: npt.NDArray[np.float64 | np.int64], counts: Sequence[float] = DECIMALS) -> Counter | None:
     """Find the counter whose end a record of whole counts passes; None without clear evidence.
 
     Evidence: the readings span less than the width, they are whole counts, and across each jump of about the width the
@@ -92,7 +93,7 @@ def find_counter(values: npt.NDArray[np.float64 | np.int64], counts: Sequence[fl
             if not (0.5 * width < largest <= width and high - low < width):
                 continue
             wraps = _wraps(moves, width, count)
-            if wraps and _are_whole(finite, count):
+            if wraps and _are_whole(finite - finite[0], count):
                 return Counter(width, bits, wraps, low < 0.0 < high)
     return None
 
@@ -104,29 +105,43 @@ def find_angle_counter(angles_rad: npt.NDArray[np.float64], step_rad: float | No
         angles_rad: (n,) finite angles as measured.
         step_rad: step of the encoder; None to take the least difference of two moves.
     """
-    moves = np.abs(np.diff(angles_rad))
-    if step_rad is None:
-        different = np.diff(np.unique(np.append(moves, 0.0)))
-        step_rad = float(np.min(different, where=different > _LEAST_STEP_RAD, initial=np.inf))
-    if not moves.size or moves.max() < 2.0**15 * step_rad:
+    step_rad = step_rad or least_step(angles_rad)
+    if not step_rad or np.abs(np.diff(angles_rad)).max(initial=0.0) < 2.0**15 * step_rad:
         return None
-    counter = find_counter(angles_rad - angles_rad[0], [step_rad])
+    counter = find_counter(angles_rad, [step_rad])
     if counter is None or abs(math.remainder(counter.width, math.tau)) < 0.5 * step_rad:
         return None
     return counter
+
+
+def least_step(values: npt.NDArray[np.float64]) -> float:
+    """Return the step of an encoder behind readings (n,): the least difference of two moves; 0 without any."""
+    moves = np.abs(np.diff(values[np.isfinite(values)]))
+    different = np.diff(np.unique(np.append(moves, 0.0)))
+    least = _ROUNDING * float(moves.max(initial=0.0))
+    return float(np.min(different, where=different > least, initial=np.inf)) if np.any(different > least) else 0.0
 
 
 def _wraps(moves: npt.NDArray[np.float64 | np.int64], width: float, count: float) -> int:
     """Count the jumps of about a width across which the moves continue; 0 if many others are among the jumps."""
     jumps = np.flatnonzero(np.abs(moves) > 0.5 * width)
     across = moves - width * np.rint(moves / width)
-    usual = np.abs(np.where(np.abs(moves) > 0.5 * width, 0.0, moves))
+    usual = np.where(np.abs(moves) > 0.5 * width, np.nan, moves)
     good = 0
     for k in jumps.tolist():
         near = usual[max(0, k - _NEIGHBOURS) : k + _NEIGHBOURS + 1]
-        good += bool(abs(across[k]) <= _AS_FAST * near.max(initial=0.0) + 2.0 * count)
+        good += _goes_on(float(across[k]), near[np.isfinite(near)], 2.0 * count)
     clear = np.abs(across).max() < _MOST * width and good >= _CONSISTENT * jumps.size
     return good if clear else 0
+
+
+def _goes_on(move: float, near: npt.NDArray[np.float64], least: float) -> bool:
+    """Return true if a move is like its neighbours, within twice their range and a change of speed."""
+    if not near.size:
+        return False
+    low, high = float(near.min()), float(near.max())
+    beyond = high - low + _CHANGE * max(-low, high) + least
+    return low - beyond <= move <= high + beyond
 
 
 def _are_whole(finite: npt.NDArray[np.float64 | np.int64], count: float) -> bool:
@@ -162,6 +177,7 @@ class CounterUnwrapper:
         self._offset: float = self._widths[0] - self._widths[0]
         self._last: float | None = None
         self._moves: deque[float] = deque(maxlen=_NEIGHBOURS)
+        self._span: tuple[float, float] = (math.inf, -math.inf)
         self.width: float | None = None
         self.wraps = 0
 
@@ -169,6 +185,7 @@ class CounterUnwrapper:
         """Return the reading with the wraps before it undone."""
         if not math.isfinite(value):
             return value
+        self._span = (min(value, self._span[0]), max(value, self._span[1]))
         if self._last is not None:
             move = value - self._last
             width = self._passed(move)
@@ -176,7 +193,7 @@ class CounterUnwrapper:
                 self._offset += width if move < 0 else -width
                 self.width, self.wraps = width, self.wraps + 1
             else:
-                self._moves.append(abs(move))
+                self._moves.append(move)
         self._last = value
         return value + self._offset
 
@@ -184,9 +201,10 @@ class CounterUnwrapper:
         """Return the width of the end that a move passes; None for an ordinary move."""
         if self._known:
             return self._widths[0] if 2 * abs(move) > self._widths[0] else None
-        if not self._moves:
-            return None
-        fits = [
-            width for width in self._widths if abs(abs(move) - width) <= _AS_FAST * max(self._moves) < _MOST * width
-        ]
-        return min(fits, key=lambda width: abs(abs(move) - width), default=None)
+        near = np.array(self._moves, dtype=np.float64)
+        least = 1e-3 * float(np.abs(near).max(initial=0.0))
+        for width in (each for each in self._widths if self._span[1] - self._span[0] < each):
+            across = move + width if move < 0 else move - width
+            if abs(move) > 0.5 * width and abs(across) < _MOST * width and _goes_on(float(across), near, least):
+                return width
+        return None
