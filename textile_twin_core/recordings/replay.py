@@ -23,7 +23,7 @@ from textile_twin_core.recordings.sample_times import evenly_timed, evenly_timed
 from textile_twin_core.recordings.samples import TorqueSamples
 from textile_twin_core.shaft import SampleReport
 from textile_twin_core.twin import Samples, compile_machine
-from textile_twin_core.twin.restart import RestartWatch
+from textile_twin_core.twin.restart import BACK_NS, RestartWatch
 
 _LOOK_AHEAD = 10
 """Number of later torques that reveal a stamp far ahead."""
@@ -133,7 +133,7 @@ class _Residual:
     ) -> None:
         self._stream, self._torque, self._out, self._topic = stream, torque, out, topic
         self._stamps = None if torque.stamps is stamps else stamps  # as recorded
-        self._restarts = [*RestartWatch().restarts(torque.stamps), len(torque)]
+        self._restarts = [*RestartWatch().restarts(_without_leaps(torque.stamps)), len(torque)]
         """Torques from which on a clock that was set back counts again, and their number."""
         # A single stamp far ahead must not block the later ones.
         highest = np.full(_LOOK_AHEAD, np.iinfo(np.int64).max)
@@ -182,3 +182,12 @@ class _Residual:
                 part = slice(self._begun, self._restarts[0])
                 times = self._stamps[part][np.searchsorted(self._torque.stamps[part], times)]
             self._out.write_wrenches(self._topic, times, np.array([residual.residual_Nm for residual in found]))
+
+
+def _without_leaps(stamps: IntArray) -> IntArray:
+    """Replace single stamps more than a second ahead of both neighbours, after which the clock goes on as before."""
+    if stamps.size < 3:
+        return stamps
+    before, here, after = stamps[:-2], stamps[1:-1], stamps[2:]
+    ahead = (here - np.maximum(before, after) > BACK_NS) & (after > before)
+    return np.concatenate([stamps[:1], np.where(ahead, before, here), stamps[-1:]])
