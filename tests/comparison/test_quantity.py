@@ -18,7 +18,7 @@ from textile_twin_core.comparison.readings import Readings
 from textile_twin_core.dynamics import Body
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Machine
-from textile_twin_core.machine.sensors import Encoder, Sensors
+from textile_twin_core.machine.sensors import Encoder, Sensors, TorqueSensor
 from textile_twin_core.mechanism import Crank
 from textile_twin_core.recordings import BagWriter
 
@@ -101,7 +101,8 @@ def test_a_velocity_is_compared_at_the_speed_of_the_shaft(tmp_path: Path, capsys
         assert told["shaft speed, usual"].strip() == "191.0 rpm"
 
 
-def test_speed_under_a_torque_gives_inertia_and_delay() -> None:
+@pytest.mark.parametrize("low_pass_s", [0.0, 0.004])
+def test_speed_under_a_torque_gives_inertia_and_delay(low_pass_s: float) -> None:
     rotor = 0.021  # a bare rotor, whose motion under a torque by time is known in closed form
     speed, rate = 100.0, 4000.0
     time = np.arange(0.0, 0.8, 1.0 / rate)
@@ -109,14 +110,16 @@ def test_speed_under_a_torque_gives_inertia_and_delay() -> None:
     waves = ((0.5, 0.6), (1.0, 0.4), (1.5, 0.3), (2.0, 0.2))
     theta = speed * time - sum(a / (h * speed) * np.cos(h * speed * time) for h, a in waves)
     late = time - 0.0005
-    torque = rotor * sum(a * h * speed * np.cos(h * speed * late) for h, a in waves)
+    # Each wave behind a first-order low pass: 1 / (1 + i h w0 tau).
+    passed = {h: 1.0 / (1.0 + 1j * h * speed * low_pass_s) for h, _ in waves}
+    torque = rotor * sum(a * h * speed * (passed[h] * np.exp(1j * h * speed * late)).real for h, a in waves)
     stamps = 1_000_000_000 + np.rint(time * 1e9).astype(np.int64)
     machine = Machine(
         "rotor",
         {"O": (0.0, 0.0)},
         (Crank("crank", "O", "A", 0.05),),
         (Body.flywheel(0.02),),
-        sensors=Sensors(Encoder(cycle_turns=2)),
+        sensors=Sensors(Encoder(cycle_turns=2), TorqueSensor(low_pass_s=low_pass_s)),
     )
     noise = np.random.default_rng(3).standard_normal((2, time.size))
     readings = Readings(stamps, np.mod(theta + 1e-4 * noise[0], 2.0 * np.pi), stamps, torque + 4.0 + 0.5 * noise[1])

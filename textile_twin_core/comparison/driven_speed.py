@@ -14,7 +14,7 @@ from textile_twin_core.comparison.result import plain
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack, shaft_track
 from textile_twin_core.dynamics import Body
 from textile_twin_core.errors import RecordingError
-from textile_twin_core.machine import Machine
+from textile_twin_core.machine import Machine, TorqueFilter
 from textile_twin_core.machine.drive import drive
 from textile_twin_core.machine.sensors import Encoder
 from textile_twin_core.twin import compile_machine
@@ -26,6 +26,8 @@ _SETTLED = 0.15
 _FEWEST_CYCLES = 3.0
 _NEAR = 0.2
 _TRIES, _STARTS = 3, 3
+_LEAST_PASSED = 0.1
+"""Least share of a wave of the torque that the sensor's filter passes, for the filter to be undone there."""
 _FOLLOWS, _LATE_S, _OTHER_INERTIA, _WHEEL = 0.8, 1e-3, 0.03, 0.03
 
 
@@ -202,7 +204,7 @@ def _mean_cycle(
     number = np.bincount(place, minlength=_BINS)
     if (number == 0).any():
         raise RecordingError("the torque comes too seldom for a mean over the cycle: record longer, or faster")
-    mean = np.bincount(place, torque, _BINS) / number
+    mean = _unfiltered(np.bincount(place, torque, _BINS) / number, TorqueFilter.of(sensor), speed / cycle)
     if machine.loads:
         angle = (np.arange(_BINS) + 0.5) * cycle / _BINS
         load = compile_machine(machine, ["torque_load_Nm"]).evaluate(
@@ -210,6 +212,18 @@ def _mean_cycle(
         )
         mean = mean - load["torque_load_Nm"]
     return np.asarray(mean - mean.mean())
+
+
+def _unfiltered(mean_Nm: FloatArray, torque_filter: TorqueFilter, cycles_per_s: float) -> FloatArray:
+    """Undo the filter of the sensor on a mean over the cycle (bins,), up to where it passes too little of a wave."""
+    if torque_filter.is_identity:
+        return mean_Nm
+    waves = np.fft.rfft(mean_Nm)
+    passed = torque_filter.response(np.arange(waves.size) * cycles_per_s)
+    clear = np.abs(passed) > _LEAST_PASSED
+    waves[clear] /= passed[clear]
+    waves[~clear] = 0.0
+    return np.asarray(np.fft.irfft(waves, mean_Nm.size))
 
 
 def _driven(machine: Machine, torque: FloatArray, speed: float, cycle: float, orders: FloatArray) -> np.ndarray:

@@ -13,7 +13,7 @@ from textile_twin_core.comparison.shaft_track import TURN
 from textile_twin_core.comparison.verdict import Cause
 from textile_twin_core.driveline import elastic_shaft
 from textile_twin_core.driveline.harmonic_response import HarmonicResponse, harmonic_response
-from textile_twin_core.machine import Machine, MainShaft, ShaftPiece, ShaftPlace, Station
+from textile_twin_core.machine import Machine, MainShaft, ShaftPiece, ShaftPlace, Station, TorqueFilter
 
 _TURNS = 5
 """Turns in a window, whose speed is taken as uniform."""
@@ -84,7 +84,7 @@ def elastic_hypothesis(evidence: Evidence, machine: Machine, configured: Setting
     """
     if machine.shaft is not None or machine.missing_for_torque or not machine.linkage.solved.turns_fully:
         return None
-    windows = _windows(evidence, configured)
+    windows = _windows(evidence, configured, TorqueFilter.of(machine.sensors.torque))
     if not windows:
         return None
     rigid = _rigid_unexplained(windows)
@@ -136,14 +136,18 @@ def _places(machine: Machine) -> tuple[ShaftPlace, ...]:
 
 @dataclass(frozen=True)
 class _Window:
-    """A few turns at uniform speed: amplitudes (orders,) of the measured and the rigid torque from order 1 on."""
+    """A few turns at uniform speed: amplitudes (orders,) of the measured and the rigid torque from order 1 on.
+
+    `passed` is the response of the torque sensor's filter, which is in both.
+    """
 
     omega_rad_s: float
     amplitudes: ComplexArray
     rigid: ComplexArray
+    passed: ComplexArray
 
 
-def _windows(evidence: Evidence, configured: Settings) -> list[_Window]:
+def _windows(evidence: Evidence, configured: Settings, torque_filter: TorqueFilter) -> list[_Window]:
     """Choose windows of uniform speed, evenly over the record."""
     time = evidence.time_s - configured.delay_s
     track = evidence.track
@@ -170,7 +174,7 @@ def _windows(evidence: Evidence, configured: Settings) -> list[_Window]:
     ]
     evenly = np.linspace(0, len(found) - 1, min(_MOST_WINDOWS, len(found))).astype(np.int64)
     chosen = [found[k] for k in evenly.tolist()]
-    windows = (_window(speed, theta[rows], both[rows], sampling) for rows, speed in chosen)
+    windows = (_window(speed, theta[rows], both[rows], sampling, torque_filter) for rows, speed in chosen)
     return [window for window in windows if window is not None]
 
 
@@ -189,7 +193,9 @@ def _uniform_speed(time: FloatArray, theta: FloatArray) -> float | None:
     return None if max(speeds) - min(speeds) > _UNIFORM * speed else speed
 
 
-def _window(speed: float, theta: FloatArray, torques: FloatArray, sampling: float) -> _Window | None:
+def _window(
+    speed: float, theta: FloatArray, torques: FloatArray, sampling: float, torque_filter: TorqueFilter
+) -> _Window | None:
     """Fit the orders of a window; None if too few of them lie below the limits."""
     orders = int(min(_ORDERS, min(_SHARE_OF_SAMPLING * sampling, _HIGHEST_HZ) * TURN / speed, theta.size // 6))
     if orders < 4:
@@ -198,7 +204,8 @@ def _window(speed: float, theta: FloatArray, torques: FloatArray, sampling: floa
     columns = np.concatenate([np.ones((theta.size, 1)), waves.real, waves.imag], axis=1)
     fitted = np.linalg.lstsq(columns, torques, rcond=None)[0]
     amplitudes = fitted[1 : orders + 1] - 1j * fitted[orders + 1 :]
-    return _Window(speed, amplitudes[:, 0], amplitudes[:, 1])
+    passed = torque_filter.response(np.arange(1, orders + 1) * speed / TURN)
+    return _Window(speed, amplitudes[:, 0], passed * amplitudes[:, 1], passed)
 
 
 def _rigid_unexplained(windows: list[_Window]) -> float:
@@ -220,7 +227,7 @@ def _unexplained(response: HarmonicResponse, windows: list[_Window]) -> FloatArr
     squares_left = np.zeros((factors.size, _DELAYS_S.size))
     for window in windows:
         orders = window.amplitudes.size
-        expected = response.elastic(window.omega_rad_s, orders, factors)
+        expected = window.passed * response.elastic(window.omega_rad_s, orders, factors)
         delayed = np.exp(-1j * np.outer(np.arange(1, orders + 1) * window.omega_rad_s, _DELAYS_S))
         common = ((expected * np.conj(window.amplitudes)) @ delayed).real
         squares = np.sum(np.abs(expected) ** 2, axis=1) + float(np.sum(np.abs(window.amplitudes) ** 2))

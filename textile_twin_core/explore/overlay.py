@@ -12,7 +12,7 @@ from textile_twin_core.comparison.alignment import fast_speed
 from textile_twin_core.comparison.inputs import usable_measurements
 from textile_twin_core.comparison.range_ends import at_range_ends, range_end_note
 from textile_twin_core.errors import RecordingError
-from textile_twin_core.machine import Machine
+from textile_twin_core.machine import Machine, TorqueFilter
 from textile_twin_core.recordings import open_bag
 from textile_twin_core.recordings.machine_topics import MachineTopics, unit_notes
 from textile_twin_core.recordings.prediction import recompute
@@ -40,7 +40,7 @@ class Overlay:
 def overlay(path: str | Path, machine: Machine, topics: MachineTopics | None = None) -> Overlay:
     """Average the measured torque of a recording by shaft angle, corrected for sensor delay, gain and offset.
 
-    Torques at the limits of the sensor's range are excluded.
+    The filter of the sensor is not undone. Torques at the limits of the sensor's range are excluded.
 
     Raises:
         RecordingError: The recording cannot be read, or has no torque while the shaft turns.
@@ -73,6 +73,8 @@ def overlay(path: str | Path, machine: Machine, topics: MachineTopics | None = N
         mean = np.bincount(bins, torque, minlength=_BINS) / count
     centres = (np.arange(_BINS, dtype=np.float64) + 0.5) * (2.0 * np.pi / _BINS)
     notes = [*bag.notices, *unit_notes(angles), *clocks, *(timing.text for timing in timings)]
+    if not TorqueFilter.of(sensor).is_identity:
+        notes.append("the curve is the torque behind the filter of its sensor")
     if ends_Nm.size:
         notes.append(range_end_note(int(np.count_nonzero(cut)), ends_Nm, "the curve is"))
     return Overlay(Path(path).name, centres, mean, tuple(notes))
