@@ -26,7 +26,7 @@ from textile_twin_core.comparison.fault_watch import FaultWatch, WatchSettings
 from textile_twin_core.comparison.monitor import Monitor
 from textile_twin_core.recordings.fault_book import Fault, FaultBook
 from textile_twin_ros.endpoints import latched_qos
-from textile_twin_ros.fault_log import FaultLog
+from textile_twin_ros.monitor_records import FaultLog
 
 LATCHED = "robot_description"
 

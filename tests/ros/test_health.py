@@ -128,7 +128,7 @@ def test_torques_that_all_go_without_a_residual_are_reported() -> None:
 def test_the_worst_level_stays_and_all_texts_are_reported() -> None:
     stale = Status("angle", STALE, "no data", {"age_s": 3.0})
     both = with_findings(stale, sample_findings({"received": 10.0, "outliers": 10.0, "gaps": 1.0}, "messages"))
-    assert both.level == STALE and both.tell.keys() == {"unfit", "gaps"} and both.values == stale.values
+    assert both.level == STALE and both.log.keys() == {"unfit", "gaps"} and both.values == stale.values
     assert both.message.count("; ") == 2
     assert with_findings(stale, []) is stale
 

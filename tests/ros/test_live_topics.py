@@ -222,7 +222,7 @@ def test_outputs_without_a_listener_are_not_computed(suite: Suite) -> None:
         lambda message: states.extend(status.message for status in message.status if status.name.endswith(": outputs")),
         RELIABLE,
     )
-    suite.spin_until(lambda: states and states[-1] == "computing nothing: nobody listens", "diagnostics")
+    suite.spin_until(lambda: states and states[-1] == "computing nothing: no topic has a subscriber", "diagnostics")
     node.create_subscription(PointStamped, "needle/position", lambda message: None, RELIABLE)
     suite.spin_until(lambda: states[-1] == "computing needle/position", "diagnostics of one subscriber")
 

@@ -12,7 +12,7 @@ from textile_twin_core.recordings import BagWriter
 from textile_twin_core.recordings.message_types import FLOAT64, JOINT_STATE, POINT, WRENCH
 from textile_twin_ros.machine_namespace import published_by_twins
 from textile_twin_ros.messages import JointTemplate
-from textile_twin_ros.playback_clock import PlaybackClock
+from textile_twin_ros.pacing import PlaybackClock
 
 MINUTE_NS = 60 * SECOND_NS
 YEAR_2024_NS = 1_704_067_200 * SECOND_NS
@@ -99,5 +99,5 @@ def test_log_times_that_begin_at_0_are_played_at_once(suite: Suite) -> None:
     np.testing.assert_array_equal(heard[:60], stamps)
     assert 0 < heard[60] - heard[59] < 2 * SECOND_NS
     words = replay.words()
-    assert words.count("the log times leap by 1.7e+09 s after 30 messages") >= 1, words
+    assert words.count("the log times step by 1.7e+09 s after 30 messages") >= 1, words
     assert "left out, as a twin publishes it: /balancing_torque/predicted" in words

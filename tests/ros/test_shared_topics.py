@@ -14,7 +14,7 @@ from sensor_msgs.msg import JointState
 from tests.ros.suite import RELIABLE, Suite, node_environment, shaft_angles
 from tests.ros.test_endings import keep_signals
 from tests.ros.test_live_topics import Bench, joint_state, start_twin
-from textile_twin_ros.parameter_files import ignored_entries
+from textile_twin_ros.parameters import ignored_entries
 
 ITSELF = [
     (["main_shaft/angle:=/joint_states"], "/joint_states", "-r joint_states:=twin/joint_states"),

@@ -28,7 +28,7 @@ ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 _CORE = "textile_twin_core"
 _HOW_TO_GET = {
-    _CORE: "it is the Python package of the repository: docs/ros_installation.md tells how to get it",
+    _CORE: "it is the Python package of the repository: see docs/ros_installation.md",
     "rclpy": "source a ROS installation (. /opt/ros/jazzy/setup.bash), or use launch_scripts/suite.sh",
 }
 

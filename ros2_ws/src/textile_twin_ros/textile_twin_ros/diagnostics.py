@@ -47,22 +47,22 @@ _RATE_S = 1.0
 class Status:
     """One line of the diagnostics: its name, level and message, and the values behind it.
 
-    tell: what the log says, too, by its kind: once when a kind comes, and once when all have gone.
+    log: lines for the log by kind: each once when its kind appears, and one when all have gone.
     """
 
     name: str
     level: bytes
     message: str
     values: Mapping[str, object] = field(default_factory=dict)
-    tell: Mapping[str, str] = field(default_factory=dict)
+    log: Mapping[str, str] = field(default_factory=dict)
 
 
 class DiagnosticsPublisher:
     """Publisher of /diagnostics: once a second and when a level changes; the log reports each fault once.
 
     Args:
-        node: the node that the statuses speak of; its full name stands before each of theirs.
-        hardware: what machine they speak of.
+        node: the node; its full name precedes each status.
+        hardware: name of the machine.
         collect: returns the statuses of this moment.
     """
 
@@ -103,7 +103,7 @@ class DiagnosticsPublisher:
 
     def _log(self, status: Status) -> None:
         reported = self._reported.setdefault(status.name, set())
-        for kind, text in status.tell.items():
+        for kind, text in status.log.items():
             if kind not in reported:
                 reported.add(kind)
                 self._node.get_logger().warning(f"{status.name}: {text}")
@@ -125,7 +125,7 @@ class InputWatch:
         node: the node that listens.
         topic: the input, as resolved.
         timeout_s: silence that is worth a warning.
-        describe: tells who publishes there.
+        describe: returns who publishes there.
     """
 
     def __init__(self, node: Node, topic: str, timeout_s: Callable[[], float], describe: Callable[[], str]) -> None:

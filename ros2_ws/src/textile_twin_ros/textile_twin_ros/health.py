@@ -24,7 +24,10 @@ from collections import deque
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.comparison.fault_signatures import FEWEST_TORQUES_PER_TURN
 from textile_twin_core.comparison.readings import other_unit
 from textile_twin_core.shaft import SampleReport
 from textile_twin_core.shaft.sample_clock import even_times, find_bursts
@@ -202,7 +205,7 @@ def late_findings(late_s: float) -> list[Finding]:
 
 
 def stamp_findings(newest_ns: int | None, stamped: bool) -> list[Finding]:
-    """Detect stamps of zero: an empty header, or without a header a simulated clock that stands.
+    """Detect stamps of zero: an empty header, or without a header a simulated clock at standstill.
 
     Args:
         newest_ns: stamp of the newest sample; None without any.
@@ -212,7 +215,7 @@ def stamp_findings(newest_ns: int | None, stamped: bool) -> list[Finding]:
         return []
     if stamped:
         return [Finding("no stamp", ERROR, "the stamps are 0: the publisher does not fill in header.stamp")]
-    return [Finding("no clock", ERROR, "the time is 0: use_sim_time is set, and nobody publishes /clock")]
+    return [Finding("no clock", ERROR, "the time is 0: use_sim_time is set, and /clock has no publisher")]
 
 
 def unit_findings(angle: FloatArray, unit_rad: float) -> list[Finding]:
@@ -280,3 +283,58 @@ def with_findings(status: Status, findings: Iterable[Finding]) -> Status:
     level: bytes = max(status.level, *(finding.level for finding in found))
     text = "; ".join([*(finding.text for finding in found), status.message])
     return Status(status.name, level, text, status.values, {finding.kind: finding.text for finding in found})
+
+
+_TURNS = 5.0
+"""So many turns, for as long as a level looks back, may pass unseen: the torque of some may be late."""
+
+
+class TurnWatch:
+    """Compares the turns of the shaft with those that were watched; fed beside the monitor, a block at a time."""
+
+    def __init__(self) -> None:
+        self._since: tuple[int, float] | None = None
+        self._newest: tuple[int, float] | None = None
+        self._torques = self._finite = 0
+        self._apart_s = 0.0
+
+    def look(
+        self, newest: tuple[int, float] | None, watched: bool, torques: tuple[IntArray, FloatArray] | None
+    ) -> None:
+        """Take the result of a block.
+
+        Args:
+            newest: how far the shaft is by now: stamp [ns] and angle [rad]; None where that is not known.
+            watched: whether turns were watched in it.
+            torques: the stamps [ns] and torques (n,) of it, in order of time; None without any.
+        """
+        self._newest = newest
+        if watched or self._since is None:
+            self._since = newest
+            self._torques = self._finite = 0
+        elif torques is not None and newest is not None:
+            self._torques += torques[1].size
+            self._finite += int(np.count_nonzero(np.isfinite(torques[1])))
+            self._apart_s = (int(torques[0][-1]) - newest[0]) * 1e-9
+
+    def findings(self) -> list[Finding]:
+        """Findings: an empty list while turns are watched, or the shaft has hardly turned since."""
+        if self._since is None or self._newest is None:
+            return []
+        turns = abs(self._newest[1] - self._since[1]) / math.tau
+        if turns < _TURNS or self._newest[0] - self._since[0] < WINDOW_S * 1e9:
+            return []
+        text = f"no turn watched for {turns:.0f} turns of the shaft{self._reason(turns)}"
+        return [Finding("unwatched", WARN, text)]
+
+    def _reason(self, turns: float) -> str:
+        if not self._torques:
+            return ": no torque comes"
+        too_few = self._finite < FEWEST_TORQUES_PER_TURN * turns
+        if too_few and self._finite < 0.5 * self._torques:
+            return f": {self._torques - self._finite} of {self._torques} torques are not finite"
+        if apart := apart_text(self._apart_s):
+            return f": {apart}"
+        if too_few:
+            return f": {self._finite / turns:.1f} torques a turn, and at least {FEWEST_TORQUES_PER_TURN} are needed"
+        return ""

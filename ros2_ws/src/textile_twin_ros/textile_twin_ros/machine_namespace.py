@@ -46,7 +46,7 @@ _OF_A_MACHINE = (
 )
 INDEX = "main_shaft/index"
 SECOND_ANGLE = "main_shaft/second_angle"
-#: What sensors tell of a machine, and what its twin does.
+#: Topics of a machine's sensors.
 INPUTS = ("main_shaft/angle", INDEX, SECOND_ANGLE, "balancing_torque/measured")
 #: Published once, for late listeners too.
 DESCRIPTIONS = ("robot_description", "markers")

@@ -77,7 +77,7 @@ class FieldReader:
 
     Args:
         msgtype: JOINT_STATE, WRENCH or POINT.
-        places: tells field and number of each value to be read, in their order in the message, or raises MessageError.
+        places: returns field and number of each value to read, in their order in the message, or raises MessageError.
     """
 
     def __init__(self, msgtype: str, places: Callable[[MessageLayout], Sequence[tuple[str, int]]]) -> None:

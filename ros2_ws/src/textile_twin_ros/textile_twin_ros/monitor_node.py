@@ -32,16 +32,14 @@ from textile_twin_core.files import machine_document
 from textile_twin_core.twin.restart import RestartWatch
 from textile_twin_ros.diagnostics import ERROR, OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for
-from textile_twin_ros.fault_log import FaultLog
-from textile_twin_ros.health import Finding, sample_counts, with_findings
+from textile_twin_ros.health import Finding, TurnWatch, sample_counts, with_findings
 from textile_twin_ros.machine import load_linkage
+from textile_twin_ros.monitor_records import FaultLog, TrendFolder
 from textile_twin_ros.node_runner import EXECUTORS, call_every, run
 from textile_twin_ros.parameters import declare, parameter
 from textile_twin_ros.sample_inputs import Sample
 from textile_twin_ros.sensor_parameters import SensorParameters
 from textile_twin_ros.shaft_inputs import AngleInput, TorqueInput
-from textile_twin_ros.trend_folder import TrendFolder
-from textile_twin_ros.turn_watch import TurnWatch
 
 _LOOK_S = 1.0
 _RENEW_S = 0.05
@@ -127,7 +125,9 @@ class MonitorNode(Node):
     def _take_angles(self, block: list[Sample]) -> None:
         for sample in block:
             if self._restarts.restarted(sample[0]):
-                self.get_logger().warning("the stamps of the shaft angle went back and go on from there: watching anew")
+                self.get_logger().warning(
+                    "the stamps of the shaft angle went back and go on from there: the watch restarts"
+                )
                 self._look()
                 self._monitor.restart()
                 self._turns = TurnWatch()

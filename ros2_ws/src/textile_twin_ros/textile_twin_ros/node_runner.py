@@ -211,7 +211,7 @@ def finish_with(finished: Future, work: Callable[[], int]) -> None:
     """Do a node's work, in a thread of its own, and finish the node with its exit code or its error."""
     try:
         finished.set_result(work())
-    except Exception as error:  # handed on to the main thread, which tells it
+    except Exception as error:  # reported by the main thread
         finished.set_exception(error)
 
 

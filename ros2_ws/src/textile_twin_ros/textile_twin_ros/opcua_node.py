@@ -14,7 +14,7 @@
 #
 # SPDX-License-Identifier: Apache-2.0
 
-"""A PLC in place of sensor drivers: angle and torque as its OPC UA server tells them, the prediction back into it."""
+"""A PLC in place of sensor drivers: angle and torque from its OPC UA server, the prediction back into it."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class OpcuaParameters(ClientSecurityParameters):
 
 
 class OpcuaNode(Node):
-    """Subscribes to the server's variables; each change that it tells is a message, with the stamp it has there."""
+    """Subscribes to the server's variables; each change is a message with its stamp."""
 
     def __init__(self) -> None:
         # Optional packages are imported where they are used, so that a missing one is one line.
@@ -202,8 +202,8 @@ class OpcuaNode(Node):
             await client.check_connection()
             why = " ".join(str(error).split()) or type(error).__name__
             self._refusal = (
-                f"the server does not take '{self.settings.predicted}': {why}; not tried again until it is connected"
-                " anew: see parameter 'predicted'"
+                f"the server does not take '{self.settings.predicted}': {why}; not tried again before the next"
+                " connection: see parameter 'predicted'"
             )
             self.get_logger().warning(f"{self.settings.url}: {self._refusal}")
 

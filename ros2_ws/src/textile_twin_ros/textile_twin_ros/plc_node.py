@@ -181,7 +181,7 @@ class PlcNode(Node):
         try:
             self._registers.write(self._predicted, latest)
         except RefusedError as error:
-            self._refusal = f"{error}; not tried again until it is connected anew: see parameter 'predicted'"
+            self._refusal = f"{error}; not tried again before the next connection: see parameter 'predicted'"
             self.get_logger().warning(f"{self.settings.host}:{self.settings.port}: {self._refusal}")
 
     def _give(self, stamp_ns: int, values: dict[str, float]) -> None:

@@ -119,7 +119,7 @@ def _size(path: Path) -> int:
 
 
 def _remove_recording(path: Path) -> None:
-    """Remove the files of a recording; metadata.yaml goes last, as it tells that there is one."""
+    """Remove the files of a recording; metadata.yaml goes last, as it marks a complete one."""
     for entry in (*path.glob("*.mcap"), path / "metadata.yaml"):
         entry.unlink(missing_ok=True)
     with suppress(OSError):  # what somebody else has put there stays

@@ -34,9 +34,8 @@ from textile_twin_ros.endpoints import relative_name, replayed_qos, samples_qos
 from textile_twin_ros.machine_namespace import published_by_twins
 from textile_twin_ros.messages import SECOND_NS, has_header, message_class, shift_stamp, stamp_of
 from textile_twin_ros.node_runner import EXECUTORS, finish_with, run
-from textile_twin_ros.pacing import Pace
+from textile_twin_ros.pacing import Pace, PlaybackClock
 from textile_twin_ros.parameters import declare, parameter
-from textile_twin_ros.playback_clock import PlaybackClock
 from textile_twin_ros.publishing import retry_publish
 
 _LOOK_S = 0.02
@@ -175,7 +174,7 @@ class ReplayNode(Node):
             played_ns, skipped_ns = times.take(log_ns)
             if skipped_ns:
                 self.get_logger().warning(
-                    f"the log times leap by {skipped_ns / SECOND_NS:.4g} s after {self.played.total()} messages: played"
+                    f"the log times step by {skipped_ns / SECOND_NS:.4g} s after {self.played.total()} messages: played"
                     " without this pause (parameter longest_pause_s)"
                 )
             if self._clock_publisher is not None:

@@ -18,6 +18,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from math import isfinite
@@ -32,9 +33,8 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 
 from textile_twin_core.recordings.message_types import FLOAT64, HEADER, JOINT_STATE, WRENCH
-from textile_twin_ros.diagnostics import InputWatch, Status
+from textile_twin_ros.diagnostics import WINDOW_S, InputWatch, Status
 from textile_twin_ros.endpoints import NAMELESS, describe_publishers, publisher_name, samples_qos, take_next
-from textile_twin_ros.foreign_joints import ForeignJoints
 from textile_twin_ros.health import (
     CountWindow,
     Finding,
@@ -56,6 +56,37 @@ from textile_twin_ros.messages import (
     read_float64,
 )
 from textile_twin_ros.node_runner import run_overdue_tasks
+
+_MOST_SOURCES = 32
+_NAMED = 12
+
+
+class ForeignJoints:
+    """Messages that do not have the joint of this input, by the list of joints that they have."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._seen: dict[tuple[str, ...], float] = {}
+
+    def take(self, error: ForeignJointsError) -> None:
+        """Count a message."""
+        self.count += 1
+        if error.joints in self._seen or len(self._seen) < _MOST_SOURCES:
+            self._seen[error.joints] = time.monotonic()
+
+    def names(self) -> list[str]:
+        """Names of the joints of the last seconds' messages, a dozen at most."""
+        return sorted({name for joints in self._recent() for name in joints})[:_NAMED]
+
+    def sources(self) -> int:
+        """Number of joint lists in the last seconds' messages without this joint: each is another driver's."""
+        return len(self._recent())
+
+    def _recent(self) -> list[tuple[str, ...]]:
+        since = time.monotonic() - WINDOW_S
+        self._seen = {joints: seen for joints, seen in self._seen.items() if seen > since}
+        return list(self._seen)
+
 
 #: Stamp [ns], that of arrival where the message has none; value; its rate where the message has it, otherwise NaN.
 Sample: TypeAlias = tuple[int, float, float]

@@ -29,7 +29,7 @@ _FILE = "as the machine file says"
 
 @dataclass
 class EncoderParameters:
-    """The machine, and the encoder's settings that its file does not tell."""
+    """The machine, and settings of the encoder that its file leaves open."""
 
     machine: str = parameter("tufting", "machine name, or path of a machine file")
     encoder_teeth: int = parameter(0, f"{ENCODER_OPTIONS['teeth']}; 0: {_FILE}", between=(0, 100_000))

@@ -45,7 +45,7 @@ _REMEMBERED = 16384
 
 
 class AngleInput(SampleInput):
-    """The topic `main_shaft/angle`, and `main_shaft/index` where the parameters tell of it.
+    """The topic `main_shaft/angle`, and `main_shaft/index` if the parameter `index` is set.
 
     Args:
         node: the node that listens.
@@ -111,7 +111,10 @@ class AngleInput(SampleInput):
             block = [(stamp, angle * self._unit, speed * self._unit) for stamp, angle, speed in block]
         block = self._without_wraps(block)
         self._latest.extend([angle for _, angle, _ in block])
-        self._pass_on(block if self._reference is None else self._reference.take(block))
+        if self._reference is not None:
+            block = self._reference.take(block)
+        if block:
+            self._take(block)
 
     def _begin_counter(self) -> None:
         self._counter: CounterUnwrapper | None = None
@@ -150,11 +153,8 @@ class AngleInput(SampleInput):
     def _on_pulses(self, block: list[Sample]) -> None:
         assert self._reference is not None
         for stamp, _, _ in block:
-            self._pass_on(self._reference.index(stamp))
-
-    def _pass_on(self, block: list[Sample]) -> None:
-        if block:
-            super()._accept(block)
+            if known := self._reference.index(stamp):
+                self._take(known)
 
 
 class SecondAngleInput(SampleInput):
@@ -176,7 +176,7 @@ class SecondAngleInput(SampleInput):
         super().__init__(node, SECOND_ANGLE, kind, *common, take)
 
     def _accept(self, block: list[Sample]) -> None:
-        super()._accept([(stamp, angle * self._unit, speed) for stamp, angle, speed in block])
+        self._take([(stamp, angle * self._unit, speed) for stamp, angle, speed in block])
 
 
 class TorqueInput(SampleInput):
@@ -214,7 +214,7 @@ class TorqueInput(SampleInput):
         self._last_ns: int | None = None
 
     def _accept(self, block: list[Sample]) -> None:
-        super()._accept([(stamp, self._checked(stamp, value * self._unit), rate) for stamp, value, rate in block])
+        self._take([(stamp, self._checked(stamp, value * self._unit), rate) for stamp, value, rate in block])
 
     def _checked(self, stamp_ns: int, torque_Nm: float) -> float:
         """The torque, NaN where it is unusable; counts the unusable ones."""

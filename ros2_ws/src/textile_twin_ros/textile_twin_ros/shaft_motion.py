@@ -93,7 +93,7 @@ class SimulatedEncoder:
 
 @dataclass
 class Marks:
-    """Marks on the encoder's shaft that a pick-up tells as they pass: edges of teeth, or one index mark.
+    """Marks on the encoder's shaft that a pick-up reports as they pass: edges of teeth, or one index mark.
 
     Args:
         angles_rad: their angles in a turn, ascending in [0, 2 pi).
@@ -108,7 +108,7 @@ class Marks:
         """Times in (begin, end] at which a mark passes, for an interval in which the shaft does not reverse."""
         begin, end = self._turned(begin_s), self._turned(end_s)
         low, high = min(begin, end), max(begin, end)
-        # One turn more on each side: a quotient that rounds over a whole turn must not hide the mark that stands there.
+        # One turn more on each side: a quotient that rounds over a whole turn must not hide the mark there.
         turns = range(math.floor(low / TURN) - 1, math.floor(high / TURN) + 2)
         angles = [turn * TURN + angle for turn in turns for angle in self.angles_rad]
         times = [self._time_of(angle, begin_s, end_s) for angle in angles if low < angle <= high]

@@ -102,7 +102,7 @@ class ShaftNode(Node):
         """Publisher of the angle, or of edges and index since the sample before, for (start [ns], time, before).
 
         Raises:
-            SceneError: edges of a wheel that has no teeth, or whose tooth 0 nothing would tell.
+            SceneError: edges of a wheel that has no teeth, or whose tooth 0 is not marked.
         """
         edges, index = self.settings.angle_type == "edges", self.settings.index
         check_reference(encoder, edges, index)
@@ -166,7 +166,7 @@ class ShaftNode(Node):
         warned = False
         while not (now_ns := self.get_clock().now().nanoseconds) and not self._stop.wait(_LOOK_S):
             if not warned:
-                self.get_logger().warning("waits for a first /clock: use_sim_time is set, and nobody has told the time")
+                self.get_logger().warning("waits for a first /clock: use_sim_time is set, and /clock has no message")
             warned = True
         return now_ns
 

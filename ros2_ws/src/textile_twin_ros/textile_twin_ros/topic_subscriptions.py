@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 #: Stamps of a message by the middleware [ns], by name.
 MessageInfo: TypeAlias = dict[str, Any]
-# What nodes tell each other, not what a machine does.
+# Topics between nodes, not of a machine.
 _OWN_BUSINESS = ("/rosout", "/parameter_events")
 _DIAGNOSTICS = "/diagnostics"
 _GATHER_S = 0.005

@@ -84,7 +84,7 @@ def ends_on_error(transition: Transition) -> Transition:
     def watched(node: TwinNode, state: LifecycleState) -> TransitionCallbackReturn:
         try:
             return transition(node, state)
-        except Exception as error:  # handed on to what runs the node, which tells it
+        except Exception as error:  # reported by the runner of the node
             if not node.finished.done():
                 node.finished.set_exception(SceneError(str(error)) if is_refusal(error) else error)
             raise
@@ -284,7 +284,7 @@ class TwinNode(LifecycleNode):
             both_come = max(angle.watch.silent_s, torque.watch.silent_s) < _ENDED_S
             limit_Nm = self.settings.residual_limit_Nm
             statuses.append(stream.residual_status(self._measured.rms_Nm(), limit_Nm, both_come))
-        outputs = ", ".join(stream.wanted_topics()) or "nothing: nobody listens"
+        outputs = ", ".join(stream.wanted_topics()) or "nothing: no topic has a subscriber"
         status = Status("outputs", OK, f"computing {outputs}")
         return [*statuses, with_findings(status, self._rivals())]
 

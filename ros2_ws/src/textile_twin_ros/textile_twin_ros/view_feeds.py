@@ -124,7 +124,7 @@ class LinkageFeed:
             samples[:] = [sample for sample in samples if sample[0] < between]
 
     def _hand_over_predictions(self) -> None:
-        """Predictions go with the shaft's angle, which joint_states tells for the same stamps or, thinned, for some."""
+        """Pair predictions with the shaft's angle, which joint_states has for the same stamps or, thinned, for some."""
         joints = self._samples["joint_states"]
         if not joints:
             return

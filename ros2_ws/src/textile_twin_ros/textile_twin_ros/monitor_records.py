@@ -14,19 +14,80 @@
 #
 # SPDX-License-Identifier: Apache-2.0
 
-"""The trend of a monitor's turns, in a folder: a file for each write, with a buffer between writes."""
+"""Where a monitor's results go: alarms and what was learnt into the fault book, the trend into files."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.comparison.fault_signatures import TurnFeatures
+from textile_twin_core.comparison.fault_watch import Alarm, FaultWatch
 from textile_twin_core.comparison.monitor import Trend
 from textile_twin_core.errors import TwinError
 from textile_twin_core.files import check_folder
+from textile_twin_core.recordings.fault_book import FaultBook
+
+
+class FaultLog:
+    """Enters the state of one monitor's watch; a failed write is tried again with the next turn.
+
+    Args:
+        folder: of the book; made if need be.
+        source: the monitor's namespace.
+        machine: name or file of its machine.
+
+    Raises:
+        TwinError: there can be no book.
+    """
+
+    def __init__(self, folder: str, source: str, machine: str) -> None:
+        self._book = FaultBook(folder, create=True)
+        self._source, self._machine = source, machine
+        self._raised: list[Alarm] = []
+        self._standing: list[Alarm] | None = None
+        self._remembered = self._to_forget = False
+        self.trouble = ""
+
+    def resume(self, watch: FaultWatch, fingerprint: str) -> bool:
+        """Let a watch go on where the one before stopped; whether there was one of the same machine and settings."""
+        arrays = self._book.recall(self._source, fingerprint)
+        if not arrays:
+            return False
+        open_faults = [fault for fault in self._book.faults(self._source) if fault.cleared_ns is None]
+        standing = [Alarm(f.kind, f.side, f.turn, f.stamp_ns, f.size, f.sigmas, f.text) for f in open_faults]
+        watch.resume(TurnFeatures(**arrays), standing)  # type: ignore[arg-type]
+        self._remembered = True
+        return True
+
+    def enter(self, watch: FaultWatch, raised: Iterable[Alarm], fingerprint: str) -> None:
+        """Bring the book to the watch's state."""
+        self._raised += raised
+        standing = list(watch.standing)
+        try:
+            if self._to_forget:
+                self._book.forget(self._source)
+                self._book.update(self._source, self._machine, self._raised, ())
+                self._raised, self._standing, self._to_forget, self._remembered = [], None, False, False
+            if watch.learnt and not self._remembered:
+                self._book.remember(self._source, fingerprint, asdict(watch.learnt_turns))
+                self._remembered = True
+            if watch.learnt and (self._raised or standing != self._standing):
+                self._book.update(self._source, self._machine, self._raised, standing)
+                self._raised, self._standing = [], standing
+            self.trouble = ""
+        except TwinError as error:
+            self.trouble = f"{error}; make room: what is raised meanwhile is entered then"
+
+    def forget(self, watch: FaultWatch) -> None:
+        """Drop the learnt band and clear standing alarms, as after a repair; `watch` begins to learn."""
+        self._to_forget = True
+        self.enter(watch, (), "")
+
 
 Columns = Mapping[str, FloatArray | IntArray]
 
