@@ -25,6 +25,7 @@ from textile_twin_core.comparison.fault_signatures import (
 )
 from textile_twin_core.comparison.fault_watch import Alarm, FaultWatch, WatchSettings
 from textile_twin_core.comparison.inputs import usable_measurements
+from textile_twin_core.comparison.process_force import ProcessForce
 from textile_twin_core.comparison.range_ends import RangeEnds, range_end_note
 from textile_twin_core.comparison.readings import Readings
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
@@ -62,6 +63,7 @@ class Monitor:
 
     def __init__(self, machine: Machine, settings: WatchSettings | None = None, shaft: str = "lag") -> None:
         self._terms = TorqueTerms(machine)
+        self._process = ProcessForce.of(machine)
         self._filter = TorqueFilter.of(machine.sensors.torque)
         self._settings = configured_settings(machine)
         encoder = machine.sensors.encoder
@@ -156,11 +158,17 @@ class Monitor:
         turn = np.floor(place)
         unsure = self._inertia * np.array([np.quantile(rows[turn == number, 4], _MOSTLY) for number in kept.number])
         alarms, away = self.watch.take(kept, unsure)
+        stitches = None
+        if self._process is not None and self._filter.is_identity:
+            slow = slow_speed(at[1], _turn(at[0]))
+            residual = (seen - s.offset_Nm) / s.gain - self._terms.at(*at, slow).total
+            stitches = self._process.turns(residual, at, np.isfinite(residual) & (np.abs(at[1]) > slow))
         self.turns += kept.number.size
         self._forget(float(time[ready].max()), stamps, torque)
         cut_off = int(kept.cut_off.sum())
         notes = (range_end_note(cut_off, self._ends.values_Nm, "turns are watched"),) if cut_off else ()
-        return _trend(kept, away, alarms, notes, self.watch.unwatched)
+        trend = _trend(kept, away, alarms, notes, self.watch.unwatched)
+        return trend if stitches is None else replace(trend, columns={**trend.columns, **stitches.columns(kept.number)})
 
     def _filtered(self, track: ShaftTrack, time_s: FloatArray) -> tuple[Signatures, BoolArray]:
         """Return the signatures behind the filter of the sensor at times (m,), and where the filter has settled."""
