@@ -22,7 +22,7 @@ from textile_twin_core.errors import TwinError  # noqa: E402
 from textile_twin_core.machine import AnyMachine, Machine  # noqa: E402
 from textile_twin_ros.machine import load_machine  # noqa: E402
 
-NODES = ("twin_node", "record_node", "view_node")
+NODES = ("twin_node", "record_node")
 WATCH = ("monitor_node", "fault_node")
 """Nodes that raise alarms and keep them, for a machine whose torque is known."""
 FOLDERS = {
@@ -122,7 +122,13 @@ def commands(arguments: Sequence[str]) -> list[list[str]]:
     machine = words.pop(0) if words and not words[0].startswith("-") else "tufting"
     loaded = load_machine(machine)  # a mistake ends the script here, before anything runs or is recorded
     watched = has_torque(loaded) and not options.no_torque
-    nodes = [*NODES, *(WATCH if watched else ()), *["shaft_node"] * (options.shaft == "simulated")]
+    simulated = ["shaft_node"] * (options.shaft == "simulated")
+    nodes = [
+        *NODES,
+        *(WATCH if watched else ()),
+        "view_node",
+        *simulated,
+    ]  # after a power cut alarms come before pictures
     told = Arguments(nodes, words)
     if options.check:
         return []

@@ -46,7 +46,7 @@ def test_parameters_of_one_node_reach_it_in_a_namespace(suite: ModuleType) -> No
     ]
     assert "shaft:=lag" not in nodes["record_node"] and "rate_hz:=500.0" in nodes["record_node"]
     assert all("__ns:=/machine_3" in words for words in nodes.values())
-    assert list(nodes) == ["twin_node", "record_node", "view_node", "monitor_node", "fault_node"]
+    assert list(nodes) == ["twin_node", "record_node", "monitor_node", "fault_node", "view_node"]
 
 
 def test_alarms_and_what_was_learnt_have_one_book(suite: ModuleType) -> None:
@@ -76,7 +76,7 @@ def test_a_parameter_goes_to_those_that_have_it(suite: ModuleType) -> None:
         (["tuffting"], "there is no machine 'tuffting'; did you mean tufting?"),
         (
             ["-p", "twin:shaft:=lag"],
-            "no node 'twin'; there are twin_node, record_node, view_node, monitor_node,",
+            "no node 'twin'; there are twin_node, record_node, monitor_node, fault_node,",
         ),
         (["-p", "twin_node:shft:=lag"], "no parameter 'shft'; did you mean 'shaft'?"),
         (["-p", "rpm:=90"], "no parameter 'rpm'"),
