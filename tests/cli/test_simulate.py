@@ -19,7 +19,9 @@ from rosbags.highlevel import AnyReader
 import textile_twin_core as ttc
 from tests.campaign import more
 from textile_twin_core.cli.main import main
+from textile_twin_core.comparison import compare_torque
 from textile_twin_core.recordings import open_bag
+from textile_twin_core.recordings.prediction import recompute
 
 MOTION = ["theta_rad", "omega_rad_s", "alpha_rad_s2"]
 
@@ -432,3 +434,30 @@ def test_characters_that_the_font_of_pictures_lacks_are_named_in_one_line(
     assert main(["simulate", str(machine), "--rpm", "160", "--samples", "36", *outs]) == 0
     assert capsys.readouterr().err == "textile-twin: the font of pictures has no 簇 绒 机: drawn as boxes\n"
     assert (tmp_path / "s.png").stat().st_size > 20_000
+
+
+def test_a_simulated_recording_has_the_measuring_chain_of_the_file(tmp_path: Path) -> None:
+    """The run-out and the high pass in closed form; compared with the same file, nothing is left."""
+    (tmp_path / "mill.yaml").write_text(
+        "machine: tufting\n"
+        "sensors: {encoder: {zero_rad: 0.2, eccentricity_rad: [[0.01, -0.02]]},"
+        " torque: {gain: 1.1, low_pass_s: 0.01, high_pass_hz: 0.5}}\n"
+    )
+    time, speed = np.arange(2500) * 0.002, 16.755
+    rows = (f"{t!r},{speed * t!r},{speed},0.0" for t in time.tolist())
+    (tmp_path / "motion.csv").write_text("\n".join(["time_s,theta_rad,omega_rad_s,alpha_rad_s2", *rows]))
+    bag, file = tmp_path / "bag.mcap", str(tmp_path / "mill.yaml")
+    assert main(["simulate", file, "--input", str(tmp_path / "motion.csv"), "--out", str(bag)]) == 0
+    seen, q = open_bag(bag).read_angles(), speed * time + 0.2
+    np.testing.assert_allclose(seen.angles_rad, q + 0.01 * np.cos(q) - 0.02 * np.sin(q), atol=1e-12)
+    np.testing.assert_allclose(seen.velocities, speed * (1.0 - 0.01 * np.sin(q) - 0.02 * np.cos(q)), rtol=1e-12)
+    torque = open_bag(bag).read_torques().torque_Nm
+    assert abs(torque[1250:].mean()) < 0.02 * np.abs(torque).max()
+    machine = ttc.load_machine(file)
+    assert isinstance(machine, ttc.Machine)
+    known, measured = recompute(seen, machine), open_bag(bag).read_torques()
+    compared = compare_torque(
+        measured.stamps, measured.torque_Nm, known.stamps_ns, known.torque_Nm, known.theta_rad,
+        torque_sensor=machine.sensors.torque, events=machine.events(), settled=known.settled,
+    )  # fmt: skip
+    assert compared.errors.rms_over_peak < 2e-3
