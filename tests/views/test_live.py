@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import socket
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy
 
 from tests.views.conftest import START_NS, Run, rows_of, scalars_of
 from textile_twin_core.errors import TwinError
@@ -56,6 +58,20 @@ def test_every_sample_is_in_the_recording(run: Run, tmp_path: Path) -> None:
     assert all(a != b for a, b in zip(states[1:], states[:-1], strict=True))
     turns = np.count_nonzero(np.diff(np.floor((run.theta_rad - 0.38312100023839724) / (2 * np.pi))))
     assert len(states) == 2 * turns + 1
+
+
+def test_the_predicted_curve_passes_the_filter_of_the_sensor(run: Run, tmp_path: Path) -> None:
+    """A first-order low pass of samples between which the torque is linear, from rest at the first one."""
+    sensor = replace(run.machine.sensors.torque, low_pass_s=0.01)
+    machine = replace(run.machine, sensors=replace(run.machine.sensors, torque=sensor))
+    path = tmp_path / "live.rrd"
+    with LiveView(machine, port=None, path=path, flush_s=NEVER_S) as view:
+        for part in (slice(0, 40), slice(40, 100)):
+            view.add_predicted(run.stamps_ns[part], run.theta_rad[part], run.predicted_Nm[part])
+    values = run.predicted_Nm[:100]
+    _, filtered, _ = scipy.signal.lsim(([1.0], [0.01, 1.0]), values - values[0], np.arange(100) * 2e-3)
+    _, predicted = scalars_of(path, "/torque/predicted", "Measurements:values")
+    np.testing.assert_allclose(predicted, 1.01 * (filtered + values[0]), rtol=1e-8)
 
 
 def test_wrapped_angles_and_torque_that_comes_first_are_drawn_in_place(run: Run, tmp_path: Path) -> None:

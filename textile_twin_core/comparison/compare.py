@@ -24,6 +24,8 @@ _SAME_DELAY = 3.0
 _LEAST_TURNS = 1.0  # of the shaft, below which no delay is estimated
 _SEARCH_S = 0.1
 _ANGLE_BINS = 120
+_MOST_SETTLING = 0.5
+"""Largest share of the record in which the sensor's filter settles."""
 _TURNING_SHARE = 0.1  # of the fast end of the recorded speeds
 
 
@@ -94,7 +96,9 @@ def compare_torque(
     track, jumps = build_track(
         predicted_time, predictions.torque_Nm, predictions.theta_rad, [e.angle_rad for e in events]
     )
-    track, filter_settled = reading_track(track, TorqueFilter.of(sensor))
+    # A high pass below the turns of the shaft starts near its mean, so a short record need not wait for it.
+    most_settling_s = _MOST_SETTLING * float(track.edge_s[-1] - track.edge_s[0])
+    track, filter_settled = reading_track(track, TorqueFilter.of(sensor), most_settling_s)
     reading = sensor.reading(track.torque_at(predicted_time, track.piece(predicted_time)[0])[0])
     del predicted_time  # here and below: free the large arrays of a long record before the next are made
     piece, inside = track.piece(time - configured)

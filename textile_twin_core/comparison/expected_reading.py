@@ -26,12 +26,15 @@ LONGEST_NS = 50_000_000
 """Longest step between live predictions; a longer one is a gap."""
 
 
-def reading_track(track: Track, torque_filter: TorqueFilter) -> tuple[Track, BoolArray]:
+def reading_track(
+    track: Track, torque_filter: TorqueFilter, most_settling_s: float = math.inf
+) -> tuple[Track, BoolArray]:
     """Filter the torque of a track.
 
     Args:
         track: Predicted torque over time.
         torque_filter: The filter of the sensor.
+        most_settling_s: Longest time that the filter gets to settle.
 
     Returns:
         The track of the filtered torque, and (p,) true for the pieces in which the filter has settled since the
@@ -48,7 +51,7 @@ def reading_track(track: Track, torque_filter: TorqueFilter) -> tuple[Track, Boo
         step, np.stack([track.start_Nm, track.end_Nm, *slopes]), gap
     )
     begun = np.maximum.accumulate(np.where(gap, track.edge_s[1:], track.edge_s[0]))
-    settled = ~gap & (track.edge_s[:-1] - begun >= torque_filter.settling_s)
+    settled = ~gap & (track.edge_s[:-1] - begun >= min(torque_filter.settling_s, most_settling_s))
     filtered = replace(track, start_Nm=start, end_Nm=end, start_slope=start_slope, end_slope=end_slope)
     if torque_filter.is_smooth:
         filtered = replace(filtered, step_time_s=np.empty(0))

@@ -292,7 +292,11 @@ def _filter(
     behind = np.empty(modes, np.complex128)
     for column in range(columns):
         mean, before = 0.0, np.nan
-        if blocking:  # the low pass with the corner of the high pass, backwards from the end
+        if blocking:  # the low pass with the corner of the high pass, backwards from the end, where it has the mean
+            total, count = 0.0, 0
+            for row in range(rows):
+                if np.isfinite(values[row, column]):
+                    total, count = total + values[row, column], count + 1
             behind[0] = 0.0
             for row in range(rows - 1, -1, -1):
                 value = values[row, column]
@@ -300,6 +304,8 @@ def _filter(
                     continue
                 if np.isfinite(before):
                     behind[0] = decays[modes - 1] * behind[0] - (value - before) * shares[modes - 1]
+                else:
+                    behind[0] = total / count - value
                 before = value
             mean = before + behind[0].real
         before = np.nan
@@ -359,8 +365,14 @@ def _filter_cubics(
     count, modes = steps.size, poles.size
     last = modes - 1
     behind = np.zeros(modes, np.complex128)
-    if blocking:  # the low pass with the corner of the high pass, backwards from the end
+    if blocking:  # the low pass with the corner of the high pass, backwards from the end, where it has the mean
+        total, lasted = 0.0, 0.0
+        for i in range(count):
+            if not gap[i]:
+                total += 0.5 * steps[i] * (cubics[0, i] + cubics[1, i])
+                lasted += steps[i]
         before = cubics[1, count - 1]
+        behind[last] = total / lasted - before if lasted > 0.0 else 0.0
         for i in range(count - 1, -1, -1):
             behind[last] -= cubics[1, i] - before
             before = cubics[0, i]
