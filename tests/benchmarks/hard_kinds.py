@@ -24,8 +24,8 @@ from textile_twin_core.comparison import Assessment, Calibration, Estimate, Read
 from textile_twin_core.comparison.verdict import Cause
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.inference.parameter import COULOMB, DELAY, GAIN, ROTOR, VISCOUS
+from textile_twin_core.recordings.logged_run import evenly_timed
 from textile_twin_core.recordings.recorded_clock import on_one_clock
-from textile_twin_core.recordings.sample_times import evenly_timed
 from textile_twin_core.recordings.samples import AngleSamples, TorqueSamples
 
 _BEYOND = 3.0

@@ -8,8 +8,8 @@ from tests.generators.bridged_samples import Sampled
 from textile_twin_core.comparison import Comparison, Readings, assess, compare_torque
 from textile_twin_core.comparison.stamp_timing import widened_fit
 from textile_twin_core.machine import Machine
+from textile_twin_core.recordings.logged_run import evenly_timed
 from textile_twin_core.recordings.prediction import recompute
-from textile_twin_core.recordings.sample_times import evenly_timed
 from textile_twin_core.recordings.samples import AngleSamples, TorqueSamples
 
 

@@ -18,7 +18,7 @@ from textile_twin_core.comparison.fault_watch import WatchSettings
 from textile_twin_core.files import staged
 from textile_twin_core.recordings.job_pool import Outcome
 from textile_twin_core.recordings.monitored import Job, Watched, names_of, samples_of, trend_table, watch_bags
-from textile_twin_core.recordings.recording_folder import recordings_in
+from textile_twin_core.recordings.recording_paths import recordings_in
 
 
 def parser() -> Parser:

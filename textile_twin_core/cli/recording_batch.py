@@ -17,7 +17,7 @@ from textile_twin_core.cli.progress import progress
 from textile_twin_core.files import staged
 from textile_twin_core.machine import Machine
 from textile_twin_core.recordings.job_pool import Outcome, run_jobs
-from textile_twin_core.recordings.recording_folder import recording_names, recordings_in
+from textile_twin_core.recordings.recording_paths import recording_names, recordings_in
 
 _MOST_NAMED = 5
 """Most failed recordings named in the error."""

@@ -11,7 +11,7 @@ from textile_twin_core.cli.outputs import keep_input
 from textile_twin_core.cli.progress import progress
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.recordings import BagWriter, open_bag
-from textile_twin_core.recordings.output_place import check_place
+from textile_twin_core.recordings.recording_paths import check_place
 
 
 def parser() -> Parser:

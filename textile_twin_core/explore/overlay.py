@@ -13,11 +13,9 @@ from textile_twin_core.comparison.inputs import usable_measurements
 from textile_twin_core.comparison.range_ends import at_range_ends, range_end_note
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Machine, TorqueFilter
-from textile_twin_core.recordings import open_bag
+from textile_twin_core.recordings.logged_run import open_run
 from textile_twin_core.recordings.machine_topics import MachineTopics, unit_notes
 from textile_twin_core.recordings.prediction import recompute
-from textile_twin_core.recordings.recorded_clock import on_one_clock
-from textile_twin_core.recordings.sample_times import evenly_timed
 
 _BINS = 360
 _TURNING_SHARE = 0.1
@@ -45,11 +43,8 @@ def overlay(path: str | Path, machine: Machine, topics: MachineTopics | None = N
     Raises:
         RecordingError: The recording cannot be read, or has no torque while the shaft turns.
     """
-    bag = open_bag(Path(path))
-    topics = topics or MachineTopics()
-    angles = topics.read_angles(bag, machine.sensors.encoder)
-    measured, clocks = on_one_clock(angles, topics.read_torques(bag))
-    angles, measured, timings = evenly_timed(angles, measured, machine)
+    run = open_run(Path(path), topics or MachineTopics(), machine)
+    angles, measured = run.angles, run.measured
     shaft = recompute(angles, machine, "smooth", None)
     sensor = machine.sensors.torque
     begin = shaft.stamps_ns[0]
@@ -72,7 +67,7 @@ def overlay(path: str | Path, machine: Machine, topics: MachineTopics | None = N
     with np.errstate(invalid="ignore"):
         mean = np.bincount(bins, torque, minlength=_BINS) / count
     centres = (np.arange(_BINS, dtype=np.float64) + 0.5) * (2.0 * np.pi / _BINS)
-    notes = [*bag.notices, *unit_notes(angles), *clocks, *(timing.text for timing in timings)]
+    notes = [*run.notes, *unit_notes(angles)]
     if not TorqueFilter.of(sensor).is_identity:
         notes.append("the curve is the torque behind the filter of its sensor")
     if ends_Nm.size:

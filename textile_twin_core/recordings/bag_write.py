@@ -18,8 +18,8 @@ from textile_twin_core.recordings import rosbag2_metadata
 from textile_twin_core.recordings.bag_arrays import ArrayWriter
 from textile_twin_core.recordings.cdr_decode import Bytes, MessageBlock, gather
 from textile_twin_core.recordings.mcap_write import McapFileWriter
-from textile_twin_core.recordings.output_place import check_place, is_empty_folder
 from textile_twin_core.recordings.recording import Progress, Recording
+from textile_twin_core.recordings.recording_paths import check_place, is_empty_folder
 from textile_twin_core.recordings.rosbag2_metadata import CompleteFiles, FileInfo, OfferedQos, TopicInfo
 from textile_twin_core.recordings.schemas import MessageSchema, message_schema
 

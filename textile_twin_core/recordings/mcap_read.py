@@ -17,11 +17,11 @@ from textile_twin_core.arrays import IntArray
 from textile_twin_core.errors import RecordingError, how_to_install
 from textile_twin_core.recordings.cdr_decode import Bytes, MessageBlock
 from textile_twin_core.recordings.mcap_contents import Contents
-from textile_twin_core.recordings.mcap_damage import Damage
 from textile_twin_core.recordings.mcap_framing import MAGIC, walk
 from textile_twin_core.recordings.mcap_parts import (
     LEAST_MESSAGE,
     LOG_SUFFIXES,
+    Damage,
     DamageError,
     Messages,
     Part,

@@ -10,18 +10,16 @@ from pathlib import Path
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray, IntArray
-from textile_twin_core.comparison import Readings
 from textile_twin_core.comparison.fault_watch import Alarm, WatchSettings
 from textile_twin_core.comparison.monitor import monitor_recording
 from textile_twin_core.errors import TwinError
 from textile_twin_core.machine import Machine
 from textile_twin_core.recordings.bag import open_bag
 from textile_twin_core.recordings.job_pool import Outcome, run_jobs
+from textile_twin_core.recordings.logged_run import open_run
 from textile_twin_core.recordings.machine_topics import MachineTopics, unit_notes
-from textile_twin_core.recordings.recorded_clock import on_one_clock
 from textile_twin_core.recordings.recording import Progress
-from textile_twin_core.recordings.recording_folder import recording_names
-from textile_twin_core.recordings.sample_times import evenly_timed
+from textile_twin_core.recordings.recording_paths import recording_names
 
 _LARGEST_RESIDUAL = 0.5
 """Largest RMS residual over the RMS measured torque without a warning."""
@@ -75,22 +73,17 @@ def samples_of(job: Job) -> int:
 def watch_bag(job: Job, progress: Progress | None = None) -> Watched:
     """Monitor one recording; an unreadable recording gives its error. `progress` as in `monitor_recording`."""
     try:
-        bag = open_bag(job.bag)
-        angles = job.topics.read_angles(bag, job.machine.sensors.encoder)
-        torque, clocks = on_one_clock(angles, job.topics.read_torques(bag))
-        angles, torque, timings = evenly_timed(angles, torque, job.machine)
-        notes = (*bag.notices, *unit_notes(angles), *clocks, *(timing.text for timing in timings))
-        readings = Readings(
-            angles.stamps, angles.angles_rad, torque.stamps, torque.torque_Nm, angles.velocities, tuple(timings)
-        )
+        run = open_run(job.bag, job.topics, job.machine)
+        notes = (*run.notes, *unit_notes(run.angles))
+        readings = run.readings()
         found = monitor_recording(readings, job.machine, job.settings, progress=progress)
     except TwinError as error:
         return Watched(job.bag, {}, (), str(error))
     notes += found.notes
     turns, learnt = len(found.columns.get("turn", ())), max(found.unwatched, job.settings.learn_turns)
     if turns > learnt:
-        notes += _foreign(found.columns, torque.torque_Nm)
-        begin = int(angles.stamps.min())
+        notes += _foreign(found.columns, run.measured.torque_Nm)
+        begin = int(run.angles.stamps.min())
         return Watched(job.bag, found.columns, found.alarms, "", notes, learnt, begin)
     why = (
         f"{job.bag}: the shaft makes {turns} whole turns beside measured torque, and {job.settings.learn_turns} at"

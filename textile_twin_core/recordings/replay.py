@@ -13,13 +13,12 @@ from textile_twin_core.machine import AnyMachine
 from textile_twin_core.recordings.bag import Bag
 from textile_twin_core.recordings.bag_write import BagWriter
 from textile_twin_core.recordings.cdr_encode import encode_string
+from textile_twin_core.recordings.logged_run import open_run
 from textile_twin_core.recordings.machine_topics import MachineTopics, namespace_of, unit_notes
 from textile_twin_core.recordings.predicted_topics import TORQUE, PredictedTopics, predicted_topics
 from textile_twin_core.recordings.prediction import predictions, second_angles
-from textile_twin_core.recordings.recorded_clock import clock_notes, on_one_clock
 from textile_twin_core.recordings.recording import Progress
 from textile_twin_core.recordings.rosbag2_metadata import LATCHED
-from textile_twin_core.recordings.sample_times import evenly_timed, evenly_timed_angles
 from textile_twin_core.recordings.samples import TorqueSamples
 from textile_twin_core.shaft import SampleReport
 from textile_twin_core.twin import Samples, compile_machine
@@ -59,9 +58,10 @@ def replay_bag(
     of these names in the recording are not copied.
     """
     recorded = recorded or MachineTopics()
-    angles = recorded.read_angles(bag, machine.sensors.encoder)
-    namespace = namespace_of(angles.topic)
     topics = predicted_topics(machine)
+    run = open_run(bag, recorded, machine, None if topics.has_torque else False, restarts=True)
+    angles = run.angles
+    namespace = namespace_of(angles.topic)
     writer = _Predictions(topics, out, namespace)
     description = f"{namespace}/robot_description"
     for name in bag.topics:
@@ -69,26 +69,17 @@ def replay_bag(
             out.copy_topic(bag, name)
     out.add_topic(description, "std_msgs/msg/String", LATCHED)
     out.write(description, bag.start_ns, encode_string(machine.urdf()))
-    residual = measured = None
-    clocks = clock_notes(angles, restarts=True)
-    recorded_stamps = angles.stamps if angles.recorded_ns is None else angles.recorded_ns
-    if topics.has_torque and bag.has_topic(recorded.torque_in(bag)):
-        measured, clocks = on_one_clock(angles, recorded.read_torques(bag), restarts=True)
-    if measured is not None and len(measured):
+    residual = None
+    if len(run.measured):
         stream = ResidualStream(machine.sensors.torque, load_steps(compile_machine(machine, [TORQUE])))
-        angles, torque, timings = evenly_timed(angles, measured, machine)
-        recorded_torques = measured.stamps if measured.recorded_ns is None else measured.recorded_ns
-        residual = _Residual(stream, torque, recorded_torques, out, writer.residual)
-    else:
-        angles, timings = evenly_timed_angles(angles, machine)
-    clocks = [*clocks, *(timing.text for timing in timings)]
+        residual = _Residual(stream, run.measured, run.torque_stamps_ns, out, writer.residual)
     session = compile_machine(machine, topics.outputs).session(shaft, **shaft_settings)
     second, missing = second_angles(recorded, bag, machine)
     for samples in predictions(session, angles, progress, second):
-        writer.write(samples, recorded_stamps[samples.index])
+        writer.write(samples, run.angle_stamps_ns[samples.index])
         if residual is not None:
             residual.write(samples)
-    return Replay(session.report, out.counts, [*unit_notes(angles), *clocks, *missing])
+    return Replay(session.report, out.counts, [*unit_notes(angles), *run.notes[len(bag.notices) :], *missing])
 
 
 class _Predictions:

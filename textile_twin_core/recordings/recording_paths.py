@@ -1,13 +1,15 @@
-"""Recordings named by paths, including folders of recordings, and their names in reports."""
+"""Paths of recordings: folders of them, names in reports, and places to which one can be written."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
 
-from textile_twin_core.errors import RecordingError
+from textile_twin_core.errors import OutputError, RecordingError
+from textile_twin_core.files.atomic import check_folder
 
 _FILES = (".mcap", ".db3")
+_OF_A_RECORDING = (".yaml", ".mcap", ".db3", ".zstd")
 
 
 def recordings_in(given: Sequence[Path]) -> tuple[list[Path], list[str]]:
@@ -43,3 +45,32 @@ def recording_names(paths: Sequence[Path]) -> list[str]:
     """Return the name of each recording, or its whole path where another has the same name."""
     names = [path.name for path in paths]
     return [str(path) if names.count(name) > 1 else name for path, name in zip(paths, names, strict=True)]
+
+
+def check_place(path: Path, overwrite: bool) -> None:
+    """Raise OutputError unless a recording can be written to this path."""
+    if path.exists():
+        check_replaceable(path, overwrite)
+    check_folder(path)
+
+
+def check_replaceable(path: Path, overwrite: bool) -> None:
+    """Check that the path is an empty folder or, with `overwrite`, a recording.
+
+    Raises:
+        OutputError: Something else is there.
+    """
+    if not overwrite and not is_empty_folder(path):
+        raise OutputError(
+            f"output {path}: is there already; choose another name, or have it replaced"
+            " (--force on the command line, overwrite:=true for a node)"
+        )
+    entries = path.iterdir() if path.is_dir() else [path]
+    others = sorted(entry.name for entry in entries if entry.suffix not in _OF_A_RECORDING or entry.is_dir())
+    if others:
+        raise OutputError(f"output {path}: holds {others[0]}, which is not part of a recording; choose another name")
+
+
+def is_empty_folder(path: Path) -> bool:
+    """Return true for an existing empty folder."""
+    return path.is_dir() and not any(path.iterdir())
