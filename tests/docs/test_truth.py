@@ -281,7 +281,7 @@ def test_every_key_that_a_command_writes_is_in_the_contract(command: str) -> Non
 def test_every_cause_has_its_value_in_the_contract() -> None:
     table = section("docs/reference/json.md", "compare").split("| cause | `value` |")[1].split("\n\n")[0]
     documented = {name for row in table.splitlines() for name in re.findall(r"`(\w+)`", row.split(" | ")[0])}
-    assert documented == printed_causes()
+    assert documented >= printed_causes(), printed_causes() - documented
 
 
 def test_a_path_of_the_page_names_a_number_and_every_number_has_such_a_path() -> None:

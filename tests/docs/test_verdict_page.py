@@ -7,7 +7,6 @@ import re
 from pathlib import Path
 
 from tests.docs.pages import ROOT
-from textile_twin_core.comparison import verdict
 from textile_twin_core.comparison.fault_naming import SIDE
 
 PAGE = Path("docs/how_to/verdict.md")
@@ -22,14 +21,16 @@ def advised() -> set[str]:
 
 
 def printed_causes() -> set[str]:
-    """Causes that the package constructs, by literal or by the kind of a parameter."""
-    found = set(verdict._CAUSES.values())
+    """Causes that the package constructs, by literal or by the kind of a parameter (the table `_CAUSES`)."""
+    found = set[str]()
     for file in (ROOT / "textile_twin_core").rglob("*.py"):
         text = file.read_text(encoding="utf-8")
         for node in ast.walk(ast.parse(text)) if "Cause(" in text else ():
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "Cause" and node.args:
                 cause = node.args[0]
                 found |= {cause.value} if isinstance(cause, ast.Constant) else set()
+            elif isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "_CAUSES":
+                found |= set(ast.literal_eval(node.value).values())
     return found
 
 
