@@ -89,7 +89,13 @@ def _run(modules: Path, cache: Path, program: str = _PROGRAM) -> tuple[float, in
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("program", [_PROGRAM, _PLAIN_NUMBA], ids=["internals", "public interface"])
+@pytest.mark.parametrize(
+    "program",
+    [
+        pytest.param(_PROGRAM, id="internals"),
+        pytest.param(_PLAIN_NUMBA, id="public interface", marks=pytest.mark.campaign),
+    ],
+)
 def test_a_cached_loop_is_used_until_a_function_that_it_calls_changes(
     modules: Path, tmp_path: Path, program: str
 ) -> None:

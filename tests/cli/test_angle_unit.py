@@ -48,6 +48,7 @@ def test_replay_without_a_torque_sensor(tmp_path: Path, capsys: pytest.CaptureFi
     assert capsys.readouterr().err == ""
 
 
+@pytest.mark.slow
 def test_compare_says_it_once_and_is_mended(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     command = ["compare", str(write(tmp_path / "deg", torque=True)), "--machine", "tufting", "--json"]
     assert main([*command, str(tmp_path / "c.json")]) == 0

@@ -179,6 +179,7 @@ def test_compare_finds_noise_and_delay(tmp_path: Path, bag: Path, capsys: pytest
     assert "zero or delay" in text  # at one speed
 
 
+@pytest.mark.slow
 def test_recorded_predictions_are_those_computed(tmp_path: Path, replayed: Path) -> None:
     live = _compare(tmp_path, replayed, "--predicted", "recorded", "--shaft", "causal")
     again = _compare(tmp_path, replayed, "--predicted", "recomputed", "--shaft", "causal")

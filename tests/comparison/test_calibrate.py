@@ -59,6 +59,7 @@ def test_an_ambiguity_at_one_speed_is_named_with_the_recording_that_resolves_it(
     assert found.to_json()["ambiguous"][0]["recording"]
 
 
+@pytest.mark.slow
 def test_undeclared_friction_and_loads_are_not_taken_for_the_torque_sensor() -> None:
     """Standstill separates the sensor's offset from friction, the turn separates its gain from the needles' force."""
     case = healthy("tufting", 954)
@@ -76,6 +77,7 @@ def test_undeclared_friction_and_loads_are_not_taken_for_the_torque_sensor() -> 
     assert said["unmodelled_friction"].value == pytest.approx(0.5, abs=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("offset_Nm", [0.15, *more(-0.2)])
 def test_an_offset_below_the_reporting_threshold_is_still_written(offset_Nm: float) -> None:
     """The stated RMS is that of the machine that is written."""
@@ -120,6 +122,7 @@ def test_a_standstill_without_an_offset_bounds_the_offset(seed: int) -> None:
     assert abs(found.offset_Nm.value) < 4.0 * found.offset_Nm.sigma < 0.1
 
 
+@pytest.mark.slow
 def test_the_offset_of_the_shipped_recording_follows_from_its_standstill() -> None:
     """One second of standstill, noise of 0.05 N m, and by its README no offset."""
     bag = open_bag(Path(__file__).parents[2] / "bags" / "tufting_160rpm_synthetic")
@@ -192,6 +195,7 @@ def test_the_stated_rms_contains_the_estimates_that_are_not_written() -> None:
     assert found.rms_beside_Nm < 0.1 < 0.9 < found.rms_after_Nm
 
 
+@pytest.mark.slow
 def test_a_recording_of_another_machine_gives_no_calibration() -> None:
     case = replace(healthy("tufting", 953, duration_s=12.0), configured_machine="loom")
     made = record(case)

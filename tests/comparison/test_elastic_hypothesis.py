@@ -36,6 +36,7 @@ def test_a_shaft_that_twists_is_named_behind_a_filter() -> None:
     assert value["first_mode_Hz"] == pytest.approx(wide.first_mode_rad_s / (2.0 * math.pi), rel=0.03)
 
 
+@pytest.mark.slow
 def test_a_shaft_that_twists_is_named_and_no_sensor() -> None:
     wide, made = _made()
     machine = dataclasses.replace(ttc.machines.tufting(), linkages=(ShaftPlace(),) * wide.stations)

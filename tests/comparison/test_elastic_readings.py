@@ -22,6 +22,7 @@ from textile_twin_core.recordings.bag import AngleSamples
 from textile_twin_core.recordings.prediction import recompute
 
 
+@pytest.mark.slow
 def test_a_declared_shaft_has_no_fault_and_a_gain_is_found() -> None:
     wide = WideMachine(0.06)
     made, machine = record(wide, 300.0), declared(wide, True)

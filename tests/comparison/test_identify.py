@@ -181,6 +181,7 @@ def two_turns(seed: int) -> tuple[Case, Readings, Callable[[FloatArray], FloatAr
     return case, readings, load
 
 
+@pytest.mark.slow
 def test_a_load_over_two_turns_comes_out_over_two_turns() -> None:
     case, readings, load = two_turns(975)
     machine = configured_machine(case)

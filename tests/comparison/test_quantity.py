@@ -101,6 +101,7 @@ def test_a_velocity_is_compared_at_the_speed_of_the_shaft(tmp_path: Path, capsys
         assert told["shaft speed, usual"].strip() == "191.0 rpm"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("low_pass_s", [0.0, 0.004])
 def test_speed_under_a_torque_gives_inertia_and_delay(low_pass_s: float) -> None:
     rotor = 0.021  # a bare rotor, whose motion under a torque by time is known in closed form

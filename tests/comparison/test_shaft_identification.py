@@ -66,6 +66,7 @@ def far_angle(made: Record) -> np.ndarray:
     return np.asarray(np.rint((made.angles_rad[:, -1] + 1.0) / step) * step)
 
 
+@pytest.mark.campaign
 @pytest.mark.slow
 @pytest.mark.parametrize("second", [True, *more(False)])
 def test_shaft_and_drive_are_found_from_ten_percent_below(second: bool) -> None:

@@ -49,6 +49,7 @@ def machine(pitch: tuple[float, ...] | None) -> Machine:
     return replace(configured, sensors=Sensors(encoder, configured.sensors.torque))
 
 
+@pytest.mark.slow
 def test_a_healthy_machine_has_no_fault(readings: Readings) -> None:
     configured, unknown = (assess(readings, machine(pitch)) for pitch in (tuple(PITCH.tolist()), None))
     assert configured.verdict == () and configured.explained > 0.9997

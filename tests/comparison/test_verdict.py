@@ -102,6 +102,7 @@ def test_what_is_too_small_to_be_named_does_not_move_what_is(run_up: bool) -> No
     assert gain_factor(value) == pytest.approx(1.06, abs=max(3.0 * sigma, 0.001)) and sigma < 0.002
 
 
+@pytest.mark.slow
 def test_a_run_up_separates_zero_and_delay() -> None:
     case = healthy("tufting", 903, duration_s=24.0)
     case = replace(
@@ -109,8 +110,9 @@ def test_a_run_up_separates_zero_and_delay() -> None:
         encoder=replace(case.encoder, zero_rad=math.radians(12.0)),
         torque=replace(case.torque, delay_s=0.006),
     )
-    found = {cause.cause: cause.value for cause in judged(case).verdict}
-    assert set(found) == {"encoder_zero", "delay"}
+    judgement = judged(case)
+    found = {cause.cause: cause.value for cause in judgement.verdict}
+    assert set(found) == {"encoder_zero", "delay"} and judgement.explained > 0.99
     assert found["encoder_zero"] == pytest.approx(math.radians(12.0), abs=math.radians(0.1))
     assert found["delay"] == pytest.approx(0.006, abs=2e-4)
 
@@ -166,6 +168,7 @@ def test_a_load_without_effect_is_left_as_it_is(force_N: float) -> None:
     assert not any(cause.cause == "load_force" for cause in found.verdict)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [True, *more(False)])
 def test_settings_that_explain_nothing_are_not_reported(noise: bool) -> None:
     case = healthy("tufting", 909, duration_s=15.0)
@@ -219,6 +222,7 @@ def test_gaps_are_reported_and_do_no_harm() -> None:
     assert len(found.notes) == 1
 
 
+@pytest.mark.slow
 def test_an_existing_track_gives_the_same_verdict() -> None:
     case = healthy("tufting", 903, run_up=False, duration_s=12.0)
     case = replace(
@@ -262,6 +266,7 @@ def test_angles_without_torque_before_a_recording_give_no_false_cause() -> None:
         assert found.explained > 0.99
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("second", "by_rad"), [(1.0, -2.0), *more((12.0, 0.3))])
 def test_a_slip_of_the_encoder_is_reported_with_its_time_and_gives_no_false_cause(second: float, by_rad: float) -> None:
     case = healthy("tufting", 910, run_up=False, duration_s=20.0)

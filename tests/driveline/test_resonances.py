@@ -128,6 +128,7 @@ def order_amplitude(
     return 2.0 * np.pi * turns / (edges[turns:] - edges[:-turns]), 2.0 * np.abs(mean)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("inertia", "order", "rpm"), [(1.0, 15, 448.9), (1.0, 16, 420.9), (0.3, 15, None)])
 def test_a_run_up_has_its_peak_at_the_critical_speed(inertia: float, order: int, rpm: float | None) -> None:
     machine = wide(inertia, slip=20.0)

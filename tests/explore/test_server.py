@@ -124,6 +124,7 @@ def test_two_tabs_have_designs_of_their_own_and_a_lost_one_comes_back() -> None:
     visit(act)
 
 
+@pytest.mark.slow
 def test_sessions_are_few_and_those_of_open_tabs_stay() -> None:
     async def act(client: aiohttp.ClientSession, url: str) -> None:
         await enter(client, url)

@@ -185,6 +185,7 @@ def test_files_come_back_as_they_went(loom: PageSession, tmp_path: Path) -> None
     assert value_of(again, "stroke_m") == pytest.approx(33.0)
 
 
+@pytest.mark.slow
 def test_exports_can_be_read_elsewhere(loom: PageSession) -> None:
     rows = loom.file("csv", 0.0).content.decode().splitlines()
     assert len(rows) == 721 and rows[0].startswith("shaft angle [deg],Displacement: sley [mm]")

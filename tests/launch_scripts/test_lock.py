@@ -90,6 +90,7 @@ def test_the_lock_for_tests_extends_the_lock_for_running(python: str) -> None:
     assert locked("requirements.lock", python).items() <= locked("requirements-tests.lock", python).items()
 
 
+@pytest.mark.slow
 def test_the_package_imports_no_test_dependency() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]

@@ -243,6 +243,7 @@ def test_what_is_no_recording_is_not_recovered(tmp_path: Path, capsys: pytest.Ca
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["none", *more("zstd")])
 def test_one_flipped_byte_anywhere_costs_one_chunk_at_most(
     tmp_path: Path, form: str, capsys: pytest.CaptureFixture[str]

@@ -31,6 +31,7 @@ def test_a_killed_process_loses_no_job(tmp_path: Path) -> None:
     assert "its process was killed" in ended[4].error and ended[7].error == "recording 7 is empty"
 
 
+@pytest.mark.slow
 def test_a_killed_worker_of_a_cluster_loses_no_job(tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed", reason="no Dask: pip install distributed")
     kinds = ["", "once", "", "mistake", "", "once"]

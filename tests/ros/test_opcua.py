@@ -197,7 +197,6 @@ def test_a_machine_behind_an_opc_ua_server(suite: Suite, plc: Plc) -> None:
     assert "Traceback" not in bridge.words() and bridge.end() == 0
 
 
-@pytest.mark.campaign
 @pytest.mark.slow
 def test_a_namespace_by_its_uri_and_values_without_a_source_time(suite: Suite, plc: Plc) -> None:
     """The server numbers its namespaces otherwise after its restart, and its PLC gives no times."""
@@ -253,6 +252,7 @@ def test_a_counter_continues_over_its_end(kind: ua.VariantType, counts: list[int
     assert counter_of(values[0].counter_width, 2.0 * np.pi / 4096) is None  # a number of turns
 
 
+@pytest.mark.campaign
 def test_a_variable_that_is_not_there(suite: Suite, plc: Plc) -> None:
     program = suite.start(
         "opcua_node", f"url:=opc.tcp://127.0.0.1:{plc.port}", "angle:='ns=2;s=Angel'", "allow_insecure:=true"

@@ -74,6 +74,7 @@ def test_live_view_is_written(suite: Suite) -> None:
     assert any(path.startswith("/world") for path in drawn)
 
 
+@pytest.mark.slow
 def test_a_full_disk_is_one_line_and_an_exit_code(suite: Suite) -> None:
     """The file may grow to 500 kB, of which the machine's drawing alone takes most."""
     file = suite.folder / "live.rrd"

@@ -42,6 +42,7 @@ COUNT = 300
 SCALARS = ("twist_rad", "needle_lag_rad", "needle_spread_m")
 
 
+@pytest.mark.slow
 def test_the_whole_width_is_published(suite: Suite) -> None:
     file = suite.folder / "narrow.yaml"
     file.write_text(MACHINE, encoding="utf-8")
@@ -100,6 +101,7 @@ def test_the_whole_width_is_published(suite: Suite) -> None:
     assert len({(marker.ns, marker.id) for marker in marked[0].markers}) == len(marked[0].markers) == 6
 
 
+@pytest.mark.slow
 def test_a_second_encoder_corrects_the_twist_as_offline(suite: Suite) -> None:
     file = suite.folder / "narrow.yaml"
     file.write_text(MACHINE + "  second_encoder_at: s3\n", encoding="utf-8")

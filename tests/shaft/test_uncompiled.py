@@ -32,6 +32,7 @@ def table(name: str) -> np.ndarray:
     return np.concatenate([motion, states.covariance.reshape(-1, 9)], axis=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ESTIMATORS)
 def test_uncompiled_loops_give_the_same(name: str) -> None:
     found = subprocess.run([sys.executable, "-c", UNCOMPILED, name], capture_output=True, check=True)

@@ -56,6 +56,7 @@ def error_over_peak(samples: Samples, made: Record, after_s: float) -> float:
     return float(np.sqrt(np.mean(off**2)) / np.abs(made.torque_Nm).max())
 
 
+@pytest.mark.slow
 def test_a_known_drive_gives_torque_and_far_needle() -> None:
     wide = WideMachine(0.06)
     made = record(wide, 300.0)
