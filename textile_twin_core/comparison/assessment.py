@@ -463,7 +463,12 @@ def _notes(evidence: Evidence) -> tuple[str, ...]:
         ends = np.unique(evidence.at_ends_Nm)
         notes.append(range_end_note(evidence.at_ends_Nm.size, ends, "the verdict is"))
     step = np.diff(evidence.track.time_s)
-    gaps = step > evidence.track.longest_s
+    gaps, uncertain = evidence.track.gaps
+    if uncertain.any():
+        place = np.clip(np.searchsorted(evidence.track.time_s, evidence.time_s, side="right") - 1, 0, step.size - 1)
+        notes.append(
+            f"{np.count_nonzero(uncertain[place])} torques left out: the shaft's acceleration is too uncertain there"
+        )
     if gaps.any():
         longest = float(step[gaps].max())
         notes.append(

@@ -108,7 +108,7 @@ class Evidence:
         wanted = np.abs(omega) > self.slow_rad_s
         turning = np.flatnonzero(good & wanted)
         if at_one_speed:
-            away = _mean_of_turn(theta[turning], omega[turning]) - self.working_speed()
+            away = _mean_of_turn(theta[turning], np.abs(omega[turning])) - abs(self.working_speed())
             turning = turning[np.abs(away) < _ONE_SPEED * abs(self.working_speed())]
         if self.block_s and turning.size:
             turning = turning[blocks.fewer(turning.size, self.block_s / float(np.median(np.diff(self.time_s))), most)]
@@ -174,21 +174,23 @@ class Evidence:
         return settings.gain * torque + settings.offset_Nm
 
     def working_speed(self) -> float:
-        """Usual speed of the shaft with its sign [rad/s]: the fast mode of the speeds of its turns."""
+        """Usual speed of the shaft [rad/s]: the fast mode of the speeds of its turns.
+
+        With the sign of the way it turns most; a shaft that rocks has its mean speed along the path.
+        """
         turning = np.abs(self.track.omega_rad_s) > self.slow_rad_s
         if not turning.any():
             return math.nan
-        omega = _mean_of_turn(self.track.theta_rad[turning], self.track.omega_rad_s[turning])
+        along = self.track.omega_rad_s[turning]
+        omega = _mean_of_turn(self.track.theta_rad[turning], np.abs(along))
         count, edges = np.histogram(omega, bins=20)
         place = int(np.argmax(count))
         inside = (omega >= edges[place]) & (omega <= edges[place + 1])
-        return float(np.median(omega[inside]))
+        return math.copysign(float(np.median(omega[inside])), float(np.sum(along)))
 
     def turns_in_both_directions(self) -> bool:
         """Return true if the shaft turns a share of the time in each direction."""
-        omega = self.track.omega_rad_s[np.abs(self.track.omega_rad_s) > self.slow_rad_s]
-        share = float(np.mean(omega > 0.0)) if omega.size else 0.0
-        return 0.05 < share < 0.95
+        return self.track.rocks
 
 
 def turns_gone(theta: FloatArray) -> IntArray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -20,6 +20,8 @@ TURN = 2.0 * math.pi
 _UNSURE, _STILL = 0.1, 0.005
 _FEWEST = 8
 _SPREAD = 1.2
+_CREEP, _OTHER_WAY = 0.05, 0.05
+"""Share of the fast speed below which the shaft creeps; share of the time in which one that rocks turns each way."""
 _PAUSE = 20.0
 """A turn this many times longer than the median one contains a stop."""
 
@@ -34,6 +36,7 @@ class ShaftTrack:
         longest_s: longer intervals are gaps.
         slips: slips of the encoder.
         pitch_errors_rad: of a toothed wheel's edges, configured or estimated from this record; else empty.
+        unsure_s: times of the states left out because their acceleration is too uncertain for a torque.
     """
 
     time_s: FloatArray
@@ -43,11 +46,20 @@ class ShaftTrack:
     longest_s: float
     slips: int = 0
     pitch_errors_rad: tuple[float, ...] = ()
+    unsure_s: FloatArray = field(default_factory=lambda: np.empty(0))
 
-    @property
+    @cached_property
     def turns(self) -> float:
-        """Number of turns between the extremes of the shaft's angle."""
-        return float(np.ptp(self.theta_rad)) / TURN
+        """Number of turns along the path of the shaft, forward and backward, standstills left out."""
+        along = np.abs(np.diff(self.theta_rad))[np.abs(self.omega_rad_s[1:]) > _CREEP * self.fast_rad_s]
+        return max(float(along.sum()), float(np.ptp(self.theta_rad))) / TURN
+
+    @cached_property
+    def rocks(self) -> bool:
+        """True if the shaft turns a share of the time in each direction."""
+        omega = self.omega_rad_s[np.abs(self.omega_rad_s) > _CREEP * self.fast_rad_s]
+        share = float(np.mean(omega > 0.0)) if omega.size else 0.0
+        return _OTHER_WAY < share < 1.0 - _OTHER_WAY
 
     @cached_property
     def fast_rad_s(self) -> float:
@@ -58,8 +70,11 @@ class ShaftTrack:
     def at_one_speed(self) -> bool:
         """True if the mean speeds of whole turns are so similar that a delay acts as a zero of the encoder.
 
-        The third fastest turn is then at most 1.2 times as fast as the third slowest, or there are too few turns.
+        The third fastest turn is then at most 1.2 times as fast as the third slowest, or there are too few turns. For a
+        shaft that rocks a delay acts as a zero that changes its sign with the direction.
         """
+        if self.rocks:
+            return False
         edges = np.flatnonzero(np.diff(np.floor(self.theta_rad / TURN)) != 0.0)
         spans = np.sort(np.diff(self.time_s[edges]))
         # A shaft at standstill where a turn ends may tremble across that angle; such turns are too short.
@@ -80,6 +95,14 @@ class ShaftTrack:
             omega_rad_s=self.omega_rad_s[part],
             alpha_rad_s2=self.alpha_rad_s2[part],
         )
+
+    @cached_property
+    def gaps(self) -> tuple[BoolArray, BoolArray]:
+        """Masks (n - 1,) of the intervals without angles, and of those without a certain acceleration."""
+        step = np.diff(self.time_s)
+        beside = np.searchsorted(self.unsure_s, self.time_s)
+        apart, angles = step > self.longest_s, step <= self.longest_s * (np.diff(beside) + 1)
+        return apart & ~angles, apart & angles
 
     def at(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
         """Return angle, speed and acceleration at times (m,), and true where states on both sides have no gap between.
@@ -156,11 +179,12 @@ def track_of(states: Sequence[ShaftStates], origin_ns: int, direction: int = 1, 
     omega = np.concatenate([part.omega_rad_s for part in states])
     alpha = np.concatenate([part.alpha_rad_s2 for part in states])
     good = np.isfinite(theta) & np.isfinite(omega) & np.isfinite(alpha)
-    good &= ~_unsure(omega, np.concatenate([part.covariance[:, 2, 2] for part in states]))
     good[1:] &= np.diff(stamps) > 0
+    unsure = good & _unsure(omega, np.concatenate([part.covariance[:, 2, 2] for part in states]))
+    good &= ~unsure
     if np.count_nonzero(good) < _FEWEST:
         raise RecordingError(f"too few shaft angles for a motion: {np.count_nonzero(good)} states are usable")
     time = (stamps[good] - origin_ns) * 1e-9
     longest = GAP_PERIODS * usual_step(np.diff(time))
     theta, omega, alpha = direction * theta[good] + zero_rad, direction * omega[good], direction * alpha[good]
-    return ShaftTrack(time, theta, omega, alpha, longest)
+    return ShaftTrack(time, theta, omega, alpha, longest, unsure_s=(stamps[unsure] - origin_ns) * 1e-9)
