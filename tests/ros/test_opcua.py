@@ -235,9 +235,34 @@ def test_a_namespace_by_its_uri_and_values_without_a_source_time(suite: Suite, p
         missing.close()
 
 
+def test_a_variable_that_goes_is_looked_up_again(suite: Suite, plc: Plc) -> None:
+    """A PLC that loads another program says so of its variables, while the connection stays."""
+    heard = Bridged(suite.node(), "opcua_node: plc")
+    words = (f"url:=opc.tcp://127.0.0.1:{plc.port}", "angle:='nsu=loom;s=Angle'", "allow_insecure:=true")
+    bridge = suite.start("opcua_node", *words)
+    numbers = itertools.count()
+
+    def heard_more(before: int) -> bool:
+        plc.call(plc.cycle(next(numbers)))
+        return len(heard.angles) > before
+
+    suite.spin_until(lambda: heard_more(0), "the first angle")
+    gone = ua.DataValue(ua.Variant(0.0), StatusCode=ua.StatusCode(ua.StatusCodes.BadNodeIdUnknown))
+    plc.call(plc.nodes["Angle"].write_value(gone))
+    bridge.wait_for_words("BadNodeIdUnknown")
+    before = len(heard.angles)
+    suite.spin_until(lambda: heard_more(before), "an angle of the new variable")
+    assert bridge.end() == 0
+
+
 @pytest.mark.parametrize(
     ("kind", "counts", "expected"),
-    [(ua.VariantType.UInt16, [65_000, 500], [65_000, 66_036]), (ua.VariantType.Int32, [-5, 5], [-5, 5])],
+    [
+        (ua.VariantType.UInt16, [65_000, 500], [65_000, 66_036]),
+        (ua.VariantType.Int16, [-32_000, 32_000], [-32_000, -33_536]),
+        (ua.VariantType.UInt32, [4_294_967_000, 200], [4_294_967_000, 4_294_967_496]),
+        (ua.VariantType.Int32, [-5, 5], [-5, 5]),
+    ],
 )
 def test_a_counter_continues_over_its_end(kind: ua.VariantType, counts: list[int], expected: list[int]) -> None:
     values: list[Value] = []
