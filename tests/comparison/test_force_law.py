@@ -152,6 +152,12 @@ def test_the_command_writes_numbers_machine_and_report(tmp_path: Path) -> None:
     assert curve["work_in_J"] > 3.0 * curve["work_out_J"] > 0.0
     machine = ttc.load_machine(tmp_path / "grip.yaml")
     assert isinstance(machine, Machine) and any(isinstance(load, ForceCurve) for load in machine.loads)
+    given_law = [str(tmp_path / "bag"), "--machine", str(tmp_path / "grip.yaml")]
+    assert main(["identify", *given_law, "--json", str(tmp_path / "again.json")]) == 0
+    again = json.loads((tmp_path / "again.json").read_text())
+    assert again["rms_before_Nm"] < 0.1  # samples beside the steps of the law aside
+    delay = again["parameters"]["torque_sensor_delay_s"]
+    assert delay["value"] == pytest.approx(DELAY_S, abs=3.0 * delay["sigma"])
     assert main(["compare", *given, "--html", str(tmp_path / "r.html"), "--json", str(tmp_path / "c.json")]) == 0
     compared = json.loads((tmp_path / "c.json").read_text())
     assert compared["verdict"][0]["cause"] == "force_law" and set(compared["curves"]) == {"backing"}

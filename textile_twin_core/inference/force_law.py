@@ -357,13 +357,11 @@ def likely_curve(plain: Posterior, machine: Machine, place: Place, least: float)
         law.begin()
     smallest = min(laws, key=lambda each: each.fit.scale).fit
     best = max(laws, key=lambda each: each.at_scale(smallest))
-    if best.explained < least:
-        return None
     speed = np.abs(few.motion.at(few.time_s)[1])
     speed = speed[speed > _WORKING * np.percentile(speed, 95.0)]
     if not record.one_speed and float(np.ptp(np.percentile(speed, (5.0, 95.0)))) > _VARIES * float(np.mean(speed)):
         best.choose_power()
-    return best.finish(record)
+    return None if best.explained < least else best.finish(record)
 
 
 def _places(machine: Machine, place: Place) -> list[Place]:

@@ -18,7 +18,8 @@ from scipy.sparse import csr_matrix
 from scipy.special import ndtr
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.dynamics.loads import Backing, ShaftFriction
+from textile_twin_core.dynamics.loads import Backing, ForceCurve, ShaftFriction
+from textile_twin_core.dynamics.loads.force_curve import POSITION
 from textile_twin_core.dynamics.loads.load import LoadContext
 from textile_twin_core.dynamics.reduction import reduce_bodies
 from textile_twin_core.dynamics.shaft_state import ShaftState
@@ -70,6 +71,7 @@ class TabulatedTorque:
             for place, load in enumerate(machine.loads)
             if isinstance(load, Backing)
         ]
+        self._curves = [load for load in machine.loads if isinstance(load, ForceCurve) and load.steps]
         of_backings = {name for each in self._of_backing for name in each.values()}
         self.tabulated = [p for p in self.parameters if p.name in slots and p.name not in of_backings]
         self._phases = Counter(place.phase_rad for place in machine.linkages)
@@ -81,7 +83,7 @@ class TabulatedTorque:
         self._linkages: dict[tuple[float, ...], tuple[Linkage, Motion]] = {}
         self.linearise({p.name: p.nominal for p in self.parameters})
         self._slopes = self._slopes_at_nominal()
-        travel = self._table[5::2]
+        travel = self._table[5 : 5 + 2 * len(self._backings) * len(self._phases) : 2]
         entry = [load.entry_plane_m for load in self._backings for _ in self._phases]
         self._passes = [bool(np.max(h) >= plane) for h, plane in zip(travel, entry, strict=True)]
 
@@ -205,10 +207,24 @@ class TabulatedTorque:
                         out[names[what]] = out.get(names[what], 0.0) + column
                 factors[5 + 2 * k] = -bump
                 factors[6 + 2 * k] = count * np.sign(rate) * sign * (free + (force - free) * inside)
+        variance = variance + self._beside_steps(rows, sign, omega, spread_rad)
         if slopes and self.tabulated and not only_forces:
             found = self._chain(factors, place, share)
             out |= {p.name: found[:, k] for k, p in enumerate(self.tabulated)}
         return Torque(torque, out, variance)
+
+    def _beside_steps(self, rows: list[Any], sign: FloatArray, omega: FloatArray, spread_rad: float) -> Any:
+        """Variance (m,) of samples beside a step of a force curve, whose side is uncertain."""
+        counts, variance = list(self._phases.values()), 0.0
+        for k, (load, count) in enumerate((load, count) for load in self._curves for count in counts):
+            place = 5 + 2 * (len(self._backings) * len(counts) + k)
+            travel, rate = rows[place], rows[place + 1]
+            width = np.abs(rate) * spread_rad + _BESIDE
+            for at, coming_in, going_out in load.steps:
+                inside = ndtr((travel - at) / width)
+                step = count * np.abs(rate) * np.where(rate * omega > 0.0, coming_in, going_out) * sign
+                variance = variance + step**2 * inside * (1.0 - inside)
+        return variance
 
     def _chain(self, factors: Mapping[int, Any], place: Any, share: FloatArray) -> FloatArray:
         """Slopes (m, k) by the tabulated parameters, interpolated from those at the nodes."""
@@ -255,9 +271,10 @@ class TabulatedTorque:
                 if not isinstance(load, (Backing, ShaftFriction)):
                     pulls[k] = pulls[k] - load.unit_force(context) * load.intensity(context)
         travels = [displacements[b.on] for b in self._backings]
+        travels += [displacements[load.measure.removesuffix(POSITION)] for load in self._curves]
         parts = [reduced.inertia, reduced.half_slope, reduced.potential_slope]
         parts += [expr for each in travels for expr in (each.position, each.first)]
-        rows = np.zeros((5 + 2 * len(self._backings) * len(self._phases), _NODES))
+        rows = np.zeros((5 + 2 * len(travels) * len(self._phases), _NODES))
         with np.errstate(all="ignore"):
             for number, (phase, count) in enumerate(self._phases.items()):
                 theta = self._theta + (phase - machine.linkages[0].phase_rad)

@@ -105,6 +105,19 @@ class ForceCurve:
         """Unit of the values: N, or N m over an angle."""
         return "N" if self.measure.endswith(POSITION) else "N m"
 
+    @property
+    def steps(self) -> tuple[tuple[float, float, float], ...]:
+        """Places of a position at which the force steps, each with its change on the way in and on the way out."""
+        if not self.measure.endswith(POSITION):
+            return ()
+        down, up = self.in_N, self.in_N if self.out_N is None else self.out_N
+        found = [(self.knots[0], down[0], up[0])]
+        for k, (low, high) in enumerate(pairwise(self.knots)):
+            if low == high:
+                found.append((low, down[k + 1] - down[k], up[k + 1] - up[k]))
+        found.append((self.knots[-1], -down[-1], -up[-1]))
+        return tuple(each for each in found if each[1] or each[2])
+
     def pieces(self, growing: bool = True) -> tuple[Piece, ...]:
         """Return the polynomials between the knots while the measure grows, or shrinks."""
         values = self.in_N if growing or self.out_N is None else self.out_N
