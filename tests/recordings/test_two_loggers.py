@@ -75,11 +75,17 @@ def test_the_torques_clock_is_found_by_a_speed_of_both(
     check(tmp_path / "bag", logged, torque)
 
 
-def test_the_torques_clock_is_found_by_the_predicted_torque(tmp_path: Path, logged: Pair, torque: np.ndarray) -> None:
-    drive = write(tmp_path / "drive.csv", "time_s,torque_Nm", logged.drive_s, torque)
+@pytest.mark.parametrize("delay_s", [0.0, 0.02])
+def test_the_torques_clock_is_found_by_the_predicted_torque(
+    delay_s: float, tmp_path: Path, logged: Pair, torque: np.ndarray
+) -> None:
+    """The torque sensor's delay of the machine file is no offset of its clock."""
+    late = np.interp(logged.true_s - delay_s, logged.true_s, torque)
+    drive = write(tmp_path / "drive.csv", "time_s,torque_Nm", logged.drive_s, late)
+    (tmp_path / "mine.yaml").write_text(f"machine: tufting\nsensors: {{torque: {{delay_s: {delay_s}}}}}\n")
     command = ["import", angle_log(tmp_path, logged), "--torque-log", str(drive), "--out", str(tmp_path / "bag")]
-    assert main([*command, "--machine", "tufting"]) == 0
-    check(tmp_path / "bag", logged, torque)
+    assert main([*command, "--machine", str(tmp_path / "mine.yaml")]) == 0
+    check(tmp_path / "bag", logged, late)
 
 
 def test_without_anything_in_common_the_offset_is_asked_for(

@@ -8,6 +8,7 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.comparison.clock_offset import ClockOffset, Undetermined, find_clock_offset
+from textile_twin_core.comparison.expected_reading import expected_readings
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Machine
 from textile_twin_core.recordings.log_apply import LoggedChannel, newton_metres, radians, seconds_of
@@ -65,10 +66,13 @@ def on_clock_of_angle(
         known = _rising(seconds, torque)
         samples = AngleSamples("main_shaft/angle", angle.stamps, angle.values, None)
         predicted = recompute(samples, machine, "smooth")
-        good = predicted.settled
-        at = first + (predicted.stamps_ns[good] - angle.stamps[0]) * 1e-9
-        offset = find_clock_offset(at, predicted.torque_Nm[good], seconds[known], torque[known])
-        found.append((offset, Channel(), "the torque and the prediction, with the file's encoder zero"))
+        sensor, good = machine.sensors.torque, predicted.settled
+        reading = expected_readings(sensor, predicted.stamps_ns, predicted.torque_Nm, predicted.theta_rad)
+        at = first + sensor.delay_s + (predicted.stamps_ns[good] - angle.stamps[0]) * 1e-9
+        offset = find_clock_offset(at, reading[good], seconds[known], torque[known])
+        found.append(
+            (offset, Channel(), "the torque and the prediction, with the file's encoder zero and torque sensor")
+        )
     if not found:
         raise RecordingError(
             "the torque's log has no speed and no angle of the shaft, so the offset of its clock is unknown: give"
