@@ -82,7 +82,7 @@ def on_clock_of_angle(
     if best.undetermined is not None:
         raise RecordingError(f"the offset of the torque's clock is not determined by {by}: {_reason(best)}; {_ADVICE}")
     text = (
-        f"the torque's times {best.offset_s:+.5g} s +- {best.half_width_s * 1e3:.2g} ms, drift {best.drift * 1e6:+.1f}"
+        f"the torque's times {best.offset_s:+.4f} s +- {best.half_width_s * 1e3:.2g} ms, drift {best.drift * 1e6:+.1f}"
         f" +- {best.drift_half_width * 1e6:.1f} ppm, by {by} (correlation {best.correlation:.4f})"
     )
     done = replace(torque_log, shared=channel, offset_s=best.offset_s, drift=best.drift)
@@ -95,8 +95,8 @@ def _reason(found: ClockOffset) -> str:
     if found.undetermined is Undetermined.UNRELATED:
         return f"the two do not agree at any offset (correlation {found.correlation:.2f} at most)"
     if found.undetermined is Undetermined.AMBIGUOUS:
-        return f"{found.offset_s:.4g} s and {found.other_offset_s:.4g} s fit alike"
-    return f"{found.offset_s:.4g} s is known to +- {found.half_width_s * 1e3:.2g} ms only"
+        return f"{found.offset_s:.4f} s and {found.other_offset_s:.4f} s fit alike"
+    return f"{found.offset_s:.4f} s is known to +- {found.half_width_s * 1e3:.2g} ms only"
 
 
 def _first_second(mapping: LogMapping, columns: Columns) -> float:
