@@ -342,10 +342,20 @@ def rows_by_label() -> Iterator[tuple[str, Form]]:
         ("units", "Time: {0} ms; Angle: {1} deg; Torque: {2} Nm"),
         ("objects", '{{"time_ms": {0}, "joint": {{"angle_deg": {1}}}, "torque_Nm": [{2}]}}'),
         ("tabs", "time_ms:{0}\tangle_deg:{1}\ttorque_Nm:{2}"),
+        ("units and spaces", "Time: {0} ms  Position: {1} deg  Torque: {2} Nm"),
         ("a label a line", "time_ms: {0}\nangle_deg: {1}\ntorque_Nm: {2}"),
     ):
         mapping = "angle: {unit: deg}\ntime: {unit: ms}" if name == "words" else ""
         yield name, Form("\n".join(pattern.format(*row) for row in rows) + "\n", mapping, name="log.txt")
+    clock = [f"{at:%H:%M:%S}.{_milli(at)}" for at in (BEGIN + timedelta(seconds=t) for t in TIME.tolist())]
+    for name, pattern in (
+        ("a terminal's time", "[{0}] pos={1} tq={2}"),
+        ("an arrow", "{0} -> Position: {1}, Torque: {2}"),
+    ):
+        lines = [pattern.format(stamp, *row[1:]) for stamp, row in zip(clock, rows, strict=True)]
+        column = "pos" if "pos" in pattern else "Position"
+        mapping = f"angle: {{column: {column}, unit: deg}}\ntorque: {{column: {'tq' if column == 'pos' else 'Torque'}}}"
+        yield name, Form("\n".join(lines) + "\n", mapping, name="log.txt")
     listed = ",\n".join('{{"time_ms": {}, "angle_deg": {}, "torque_Nm": {}}}'.format(*row) for row in rows)
     yield "a list of objects", Form(f"[{listed}]\n", name="log.json")
     both = ((DEG, 0.0), (TORQUE, 0.0007))

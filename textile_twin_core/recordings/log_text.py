@@ -57,8 +57,10 @@ _FILETIME = 1e17
 _LABEL = re.compile(
     r"\s*(?P<name>[^\W\d_][\w./°%\[\]() -]*?)\s*[:=]\s*"
     r"(?P<value>\d{1,2}:\d\d:\d\d(?:[.,]\d+)?|[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|nan|NaN|-?inf)"
-    r"(?:\s*(?P<unit>[^\W\d][\w/^·°*]*|°)(?!\s*[:=\w]))?\s*(?:[,;|\t]|(?<=\s)|$)"
+    r"(?:\s*(?P<unit>[^\W\d][\w/^·°*]*|°)(?![\w/^·°*]|\s*[:=]))?\s*(?:[,;|\t]|(?<=\s)|$)"
 )
+_STAMP = re.compile(rf"\[?(?P<stamp>(\d{{4}}-\d\d-\d\d[T ])?{_ON_CLOCK})\]?\s*(->|[-:>,;])?\s+")
+"""Time before the labels of a row, as a terminal program writes it."""
 _MOSTLY = 0.8
 """Least share of the lines that label all of their values."""
 
@@ -406,8 +408,9 @@ def _values(line: str) -> dict[str, Any] | None:
             return _flat("", json.loads(line))
         except ValueError:
             return None
-    found: dict[str, Any] = {}
-    at = 0
+    stamp = _STAMP.match(line)
+    found: dict[str, Any] = {} if stamp is None else {"stamp": stamp["stamp"]}
+    at = 0 if stamp is None else stamp.end()
     while at < len(line):
         match = _LABEL.match(line, at)
         if match is None or match.end() == at:
