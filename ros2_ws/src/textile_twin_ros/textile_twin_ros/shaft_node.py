@@ -166,7 +166,7 @@ class ShaftNode(Node):
         warned = False
         while not (now_ns := self.get_clock().now().nanoseconds) and not self._stop.wait(_LOOK_S):
             if not warned:
-                self.get_logger().warning("waits for a first /clock: use_sim_time is set, and /clock has no message")
+                self.get_logger().warning("waits for a first /clock: use_sim_time is set, and no time has come")
             warned = True
         return now_ns
 
