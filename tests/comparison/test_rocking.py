@@ -13,7 +13,7 @@ from tests.generators import mill_recordings
 from tests.generators.configured_machine import configured_machine
 from tests.generators.mill_recordings import Case, MillRecording, healthy, record
 from tests.generators.planned_motion import Plan
-from textile_twin_core.comparison import Readings, assess
+from textile_twin_core.comparison import Readings, assess, calibrate
 from textile_twin_core.comparison.assessment import Assessment
 from textile_twin_core.comparison.shaft_track import ShaftTrack
 
@@ -58,6 +58,14 @@ def test_mistakes_of_a_rocking_shaft_are_named_with_their_size(monkeypatch: pyte
     (delay,) = assessed(late, case).verdict
     assert delay.cause == "delay"
     assert delay.value == pytest.approx(0.03, abs=1e-3)
+
+
+def test_calibrate_writes_no_worse_sensors_than_those_of_a_right_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    case, made = rocking(1.3, 3.0, monkeypatch)
+    found = calibrate(
+        Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque), configured_machine(case)
+    )
+    assert found.rms_after_Nm <= found.rms_before_Nm
 
 
 def test_uncertain_accelerations_are_no_gaps_of_the_angle() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import pytest
 
 from tests.benchmarks.elastic_shaft import changed
@@ -9,8 +11,10 @@ from tests.campaign import more
 from tests.generators.elastic_shaft import WideMachine
 from tests.twin.test_elastic_session import declared, record
 from textile_twin_core.comparison import Readings
+from textile_twin_core.comparison import shaft_departure as shaft_departure_module
 from textile_twin_core.comparison.shaft_departure import shaft_cause, shaft_departure
-from textile_twin_core.comparison.shaft_identification import DAMPING, STIFFNESS
+from textile_twin_core.comparison.shaft_identification import DAMPING, STIFFNESS, shaft_values
+from textile_twin_core.comparison.uncertainty import Estimate
 
 WIDE = WideMachine(0.06)
 
@@ -42,3 +46,16 @@ def test_stiffness_and_damping_of_the_file_are_corrected(stiffness: float, dampi
 @pytest.mark.parametrize(("gain", "late"), [(1.0, 0), (1.1, 0), (-1.0, 0), (1.0, 2)])
 def test_sensors_are_not_taken_for_another_shaft(gain: float, late: int) -> None:
     assert shaft_departure(readings(gain, late), declared(WIDE, True)) is None
+
+
+def test_a_better_shaft_with_the_numbers_of_the_file_is_no_departure(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where the residual of the file is that of a start from standstill, which the fit of another drive takes up."""
+    machine = declared(WIDE, True)
+    known = {name: Estimate(value, 0.2 * value) for name, value in shaft_values(machine).items()}
+    same = SimpleNamespace(parameters=known, machine=machine)
+    stiff = Estimate(2.0 * known[STIFFNESS].value, 0.1 * known[STIFFNESS].value)
+    other = SimpleNamespace(parameters=known | {STIFFNESS: stiff}, machine=machine)
+    monkeypatch.setattr(shaft_departure_module, "scan_shaft", lambda *_: SimpleNamespace(share=0.1))
+    for fitted, named in ((same, False), (other, True)):
+        monkeypatch.setattr(shaft_departure_module, "fit_shaft", lambda *_, fitted=fitted: fitted)
+        assert (shaft_departure(readings(), machine) is not None) == named

@@ -11,6 +11,7 @@ from textile_twin_core.comparison.uncertainty import (
     pseudo_residuals,
     uncertainty_by_turns,
     uncertainty_by_turns_and_angle,
+    with_sigma,
 )
 
 
@@ -132,3 +133,11 @@ def test_an_error_that_repeats_in_every_turn_is_in_the_interval(repeated: float,
         ratio.append(both.half_width / uncertainty_by_turns(slopes, residual, turn).half_width)
     assert np.mean(inside) > 0.9
     assert (np.median(ratio) > wider) == (repeated > 0.0)
+
+
+@pytest.mark.parametrize(
+    ("value", "sigma", "text"),
+    [(-0.0071, 0.00034, "-0.0071 +- 0.0003"), (0.1459, 0.0061, "0.146 +- 0.006"), (2.0, 0.0, "2.000 +- 0.000")],
+)
+def test_a_standard_deviation_is_never_rounded_to_zero(value: float, sigma: float, text: str) -> None:
+    assert with_sigma(value, sigma) == text

@@ -159,9 +159,10 @@ def _rows(found: Identification | ShaftIdentification) -> list[tuple[str, str]]:
         low, high = (end * factor for end in each.interval95)
         value = f"{each.value * factor:.5g} +- {each.sigma * factor:.2g} {unit}"
         rows.append((name, f"{value:34}  95 %: {low:.5g} .. {high:.5g}"))
+    at = ", at the shaft" if isinstance(found, ShaftIdentification) else ""
     rows += [
-        ("RMS error before", f"{found.rms_before_Nm:.4g} N m"),
-        ("RMS error after", f"{found.rms_after_Nm:.4g} N m"),
+        ("RMS error before", f"{found.rms_before_Nm:.4g} N m{at}"),
+        ("RMS error after", f"{found.rms_after_Nm:.4g} N m{at}"),
     ]
     if isinstance(found, ShaftIdentification) and math.isfinite(found.second_rms_rad[0]):
         before, after = (math.degrees(each) for each in found.second_rms_rad)

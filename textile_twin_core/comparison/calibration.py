@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -24,6 +24,8 @@ from textile_twin_core.inference.parameter import DELAY, GAIN, HELD, OFFSET, ROT
 from textile_twin_core.inference.torque_units import nearest_gain
 from textile_twin_core.machine import Machine
 
+_CONTINUOUS = (ZERO, DELAY, GAIN, OFFSET)
+_NO_WORSE = 1.0 + 1e-9
 _MOST_LEFT = 0.5
 """Largest share of the RMS error that a reversed encoder or sensor may leave; above it the reversal is refused."""
 _JUDGED = 0.8
@@ -154,21 +156,34 @@ def calibrate(readings: Readings, machine: Machine, begin: Begin = unheard) -> C
     s = found.settings
     configured, hypothesis = hypothesis_of(machine), found.posterior.hypothesis
     turned = s.direction * machine.sensors.encoder.ratio * found.ratio
-    near = nearest_gain(s.gain, 1.0)
-    before, after, beside = _rms(found, configured), _rms(found, None, sensors_alone=True), _rms(found, None)
+    written = frozenset(_CONTINUOUS)
+    before, after, beside = _rms(found, configured), _rms(found, None, written), _rms(found, None)
+    if not after <= before:  # estimates within their intervals fit beside friction and loads that the file has not
+        written = found.posterior.departing.intersection(_CONTINUOUS)
+        after = _rms(found, None, written)
     mirrored = hypothesis.turn * configured.turn < 0.0 or s.gain * configured.gain < 0.0
     if (mirrored or found.ratio != 1.0) and after > _MOST_LEFT * before:
         raise RecordingError(
             f"no calibration from this recording: another direction, sign or ratio takes its RMS error from"
-            f" {before:.3g} to {after:.3g} N m only, so the fault lies elsewhere; see what compare tells of it"
+            f" {before:.3g} to {after:.3g} N m only, so the fault lies elsewhere; correct by hand in the machine file"
+            " what compare names first, or what you know to be wrong"
         )
-    zero = _estimate(found, ZERO, hypothesis.zero_rad).scaled(1.0 / turned)
+    if after > _NO_WORSE * before:
+        raise RecordingError(
+            f"no calibration from this recording: without the friction and loads that the file lacks, corrected sensors"
+            f" take its RMS error from {before:.3g} to {after:.3g} N m; write these first with textile-twin identify"
+            " --out"
+        )
+    gain_now = s.gain if GAIN in written else hypothesis.gain
+    near = nearest_gain(gain_now, 1.0)
+    zero = _estimate(found, ZERO, hypothesis.zero_rad, written=written).scaled(1.0 / turned)
     zero = zero.scaled(1.0, _whole_turns(zero.value, machine.sensors.encoder.zero_rad, TURN / abs(turned)))
-    gain = _gain(found).scaled(1.0 / near.gain)
-    offset = _estimate(found, OFFSET, hypothesis.offset_Nm, hypothesis.unit)
-    delay = widened(_estimate(found, DELAY, hypothesis.delay_s), readings.stamped)
+    gain = _gain(found) if GAIN in written else replace(_gain(found), value=hypothesis.gain)
+    gain = gain.scaled(1.0 / near.gain)
+    offset = _estimate(found, OFFSET, hypothesis.offset_Nm, hypothesis.unit, written)
+    delay = widened(_estimate(found, DELAY, hypothesis.delay_s, written=written), readings.stamped)
     encoder = replace(machine.sensors.encoder, zero_rad=zero.value, direction=s.direction, ratio=abs(turned))
-    sensor = replace(machine.sensors.torque, gain=s.gain, offset_Nm=offset.value, delay_s=delay.value)
+    sensor = replace(machine.sensors.torque, gain=gain_now, offset_Nm=offset.value, delay_s=delay.value)
     given = {
         "zero_rad": _given_file(found, ZERO, hypothesis.zero_rad).scaled(1.0 / turned),
         "torque.gain": _gain(found, given_file=True).scaled(1.0 / near.gain),
@@ -196,13 +211,16 @@ def calibrate(readings: Readings, machine: Machine, begin: Begin = unheard) -> C
     )
 
 
-def _estimate(found: Judged, name: str, configured: float, unit: float = 1.0) -> Estimate:
-    """Estimated sensor value, the configured one included; without an interval where it stays as configured."""
+def _estimate(
+    found: Judged, name: str, configured: float, unit: float = 1.0, written: Collection[str] = _CONTINUOUS
+) -> Estimate:
+    """Estimated sensor value, the configured one included, with its interval; the configured one where not written."""
     settled = found.settled
     if name not in settled.free:
         return Estimate(configured)
     low, high = settled.interval95(name)
-    return Estimate(settled.value(name), settled.sigma(name), (low, high)).scaled(unit, configured)
+    estimate = Estimate(settled.value(name), settled.sigma(name), (low, high)).scaled(unit, configured)
+    return estimate if name in written else replace(estimate, value=configured)
 
 
 def _given_file(found: Judged, name: str, configured: float, unit: float = 1.0) -> Estimate:
@@ -222,15 +240,15 @@ def _gain(found: Judged, given_file: bool = False) -> Estimate:
     return Estimate(gain * factor, abs(gain) * factor**2 * sigma, (ends[0], ends[1]))
 
 
-def _rms(found: Judged, hypothesis: Hypothesis | None, sensors_alone: bool = False) -> float:
+def _rms(found: Judged, hypothesis: Hypothesis | None, names: Collection[str] | None = None) -> float:
     """RMS of the residual [N m] while the shaft turns, for a hypothesis or for the estimates.
 
-    sensors_alone: apply the estimates of the sensors only, as the machine file gets them.
+    names: apply the estimates of these parameters only, as the machine file gets them; None: of all.
     """
     m = found.posterior.measurement
     x = m.nominal.copy()
     if hypothesis is None:
-        hypothesis, wanted = found.posterior.hypothesis, (ZERO, DELAY, GAIN, OFFSET) if sensors_alone else m.names
+        hypothesis, wanted = found.posterior.hypothesis, m.names if names is None else names
         for name in wanted:
             x[m.place[name]] = found.settled.value(name)
     elif found.ratio != 1.0:

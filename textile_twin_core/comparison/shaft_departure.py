@@ -42,24 +42,22 @@ def shaft_departure(readings: Readings, machine: Machine, begin: Begin = unheard
         begin: Called at each stage.
 
     Returns:
-        The identified shaft, or None where the file's is as good, or where the recording is too short.
+        The identified shaft, or None where the file's is as good, where no number of the shaft departs from the file's,
+        or where the recording is too short.
     """
     try:
         scan = scan_shaft(_middle(readings), machine, begin)
     except RecordingError:  # too short, or the state of the shaft does not settle
         return None
-    return fit_shaft(scan, begin) if scan.share < _FAR_BETTER else None
+    found = fit_shaft(scan, begin) if scan.share < _FAR_BETTER else None
+    return found if found is not None and _departing(found, machine) else None
 
 
 def shaft_cause(found: ShaftIdentification, machine: Machine) -> Cause:
     """Cause for the verdict: what of the shaft departs from its machine file."""
     speed = machine.nominal_speed_rad_s
     first_Hz = find_resonances(elastic_shaft(found.machine), (0.5 * speed, speed)).modes[0].damped_Hz
-    configured, wrong = shaft_values(machine), []
-    for name, each in found.parameters.items():
-        known = configured[name]
-        if known == 0.0 or abs(each.value - known) > max(_SHOWN * known, _CERTAIN * each.sigma):
-            wrong.append(f"{_WORDS[name]} {each.value:.4g} +- {each.sigma:.2g} {_UNITS[name]} instead of {known:.4g}")
+    wrong = _departing(found, machine)
     stiffness = found.parameters[STIFFNESS]
     text = (
         f"the elastic shaft of the machine file is wrong: {', '.join(wrong)}; first natural frequency"
@@ -67,6 +65,16 @@ def shaft_cause(found: ShaftIdentification, machine: Machine) -> Cause:
     )
     value = {"first_mode_Hz": first_Hz, "stiffness_Nm_rad": stiffness.value}
     return Cause("elastic_shaft", text, value, stiffness.sigma, "shaft.pieces.0.stiffness_Nm_rad")
+
+
+def _departing(found: ShaftIdentification, machine: Machine) -> list[str]:
+    """Numbers of the shaft that depart from those of the machine file, in words."""
+    configured, wrong = shaft_values(machine), []
+    for name, each in found.parameters.items():
+        known = configured[name]
+        if known == 0.0 or abs(each.value - known) > max(_SHOWN * known, _CERTAIN * each.sigma):
+            wrong.append(f"{_WORDS[name]} {each.value:.4g} +- {each.sigma:.2g} {_UNITS[name]} instead of {known:.4g}")
+    return wrong
 
 
 def _middle(readings: Readings) -> Readings:

@@ -211,3 +211,9 @@ def bootstrap_moves(slopes: FloatArray, residual: FloatArray, turn: IntArray) ->
     moves = np.linalg.solve(total, (drawn @ scores)[..., None])[..., 0] / sizes
     # With few blocks a bootstrap is too narrow, by the share of each block in the mean.
     return np.asarray(moves * math.sqrt(turns.size / max(turns.size - 1.0, 1.0)))
+
+
+def with_sigma(value: float, sigma: float, sign: str = "z") -> str:
+    """Text of a value and its standard deviation to three decimals, or as many as the deviation needs for one digit."""
+    places = 3 if not 0.0 < sigma < 5e-4 else min(-math.floor(math.log10(sigma)), 12)
+    return f"{value:{sign}.{places}f} +- {sigma:.{places}f}"

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from textile_twin_core.comparison.readings import AngleUnit, shown_turn
+from textile_twin_core.comparison.uncertainty import with_sigma
 from textile_twin_core.inference.parameter import (
     COULOMB,
     DELAY,
@@ -401,6 +402,7 @@ def quantities(found: Judged, verdict: Sequence[Cause]) -> tuple[Quantity, ...]:
     Quantities named in the verdict are left out.
     """
     p, settled, s = found.posterior, found.settled, found.settings
+    unit = p.hypothesis.unit
     one_speed, rests = found.evidence.track.at_one_speed, bool(p.measurement.record.standstills)
     both = "zero and delay are not distinguishable at one speed, a run-up would tell"
 
@@ -426,9 +428,9 @@ def quantities(found: Judged, verdict: Sequence[Cause]) -> tuple[Quantity, ...]:
         (
             (OFFSET,),
             "torque offset",
-            f"{s.offset_Nm:+z.3f} +- {p.hypothesis.unit * settled.sigma(OFFSET):.3f} N m: {same if rests else apart}",
+            f"{with_sigma(s.offset_Nm, unit * settled.sigma(OFFSET), '+z')} N m: {same if rests else apart}",
         ),
-        ((COULOMB, VISCOUS), "friction", f"{friction:.3f} +- {sigma:.3f} N m at working speed: {same}"),
+        ((COULOMB, VISCOUS), "friction", f"{with_sigma(friction, sigma)} N m at working speed: {same}"),
     ]
     for known in p.measurement.parameters:
         if known.kind == "force":
