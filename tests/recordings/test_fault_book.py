@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from tests.full_disk import full_disk
 from textile_twin_core.comparison.fault_watch import Alarm
 from textile_twin_core.errors import OutputError, RecordingError
 from textile_twin_core.recordings import BagWriter, open_bag
-from textile_twin_core.recordings.fault_book import FaultBook
+from textile_twin_core.recordings.fault_book import Fault, FaultBook
 from textile_twin_core.recordings.rolling_recording import RollingRecording
 
 SECOND_NS = 1_000_000_000
@@ -44,6 +45,27 @@ def test_an_alarm_is_raised_acknowledged_and_cleared(tmp_path: Path) -> None:
     assert book.acknowledge() == [2]
     with pytest.raises(RecordingError, match="no fault 7"):
         book.acknowledge([7])
+
+
+def test_whoever_acknowledges_between_reading_and_writing_waits(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    book, other = FaultBook(tmp_path, create=True), FaultBook(tmp_path)
+    book.update("/", "tufting", [FRICTION], [FRICTION])
+    read = book.faults
+    with ThreadPoolExecutor() as pool:
+
+        def faults(source: str | None = None) -> list[Fault]:
+            found = read(source)
+            late.append(pool.submit(other.acknowledge, [1], "second"))
+            time.sleep(0.1)
+            return found
+
+        late: list[Future[list[int]]] = []
+        monkeypatch.setattr(book, "faults", faults)
+        assert book.acknowledge([1], "first") == [1]
+        assert late[0].result() == []
+    assert read()[0].acknowledged_by == "first"
 
 
 def test_a_fault_that_comes_again_is_another_entry(tmp_path: Path) -> None:
@@ -79,7 +101,7 @@ def test_there_is_no_book(tmp_path: Path) -> None:
 WRITER = """
 import json, sys
 from types import SimpleNamespace
-from textile_twin_core.recordings.fault_book import FaultBook
+from textile_twin_core.recordings.fault_book import Fault, FaultBook
 
 book = FaultBook(sys.argv[1], create=True)
 while True:  # goes on where the killed process stopped: half of an alarm's life in each step

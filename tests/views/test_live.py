@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import socket
 import time
+from collections import deque
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -143,6 +147,28 @@ def test_an_address_of_another_computer_is_an_error() -> None:
 def test_nowhere_to_show_is_refused(run: Run) -> None:
     with pytest.raises(TwinError, match="a port to serve on or a file"):
         LiveView(run.machine, port=None)
+
+
+def test_a_buffer_loses_no_block_that_arrives_while_it_is_emptied(monkeypatch: pytest.MonkeyPatch) -> None:
+    buffer, block = Buffer(10), (np.zeros(1),)
+
+    class Slow(deque[Any]):
+        """A queue whose reader is interrupted: another thread puts a block meanwhile."""
+
+        def __iter__(self) -> Iterator[Any]:
+            held = list(super().__iter__())
+            filling.append(pool.submit(buffer.put, block))
+            time.sleep(0.05)
+            return iter(held)
+
+    filling: list[Future[None]] = []
+    monkeypatch.setattr(buffer, "_blocks", Slow())
+    with ThreadPoolExecutor(1) as pool:
+        buffer.put(block)
+        (first,) = buffer.take()
+        filling[0].result()
+        (second,) = buffer.take()
+    assert (first.size, second.size) == (1, 1)
 
 
 def test_a_full_buffer_drops_the_oldest_and_counts_them() -> None:
