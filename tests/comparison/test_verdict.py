@@ -92,14 +92,14 @@ def test_a_mistake_is_named_first(machine: str, names: tuple[str, ...], run_up: 
 def test_what_is_too_small_to_be_named_does_not_move_what_is(run_up: bool) -> None:
     """An offset of a hundredth of the torque's peak acts as 1.5 % of gain if it is not fitted."""
     case = healthy("tufting", 913, run_up=run_up, duration_s=18.0)
-    judgement = judged(replace(case, torque=replace(case.torque, gain=1.06, offset_Nm=0.2)))
+    judgement = judged(replace(case, torque=replace(case.torque, gain=1.09, offset_Nm=0.2)))
     (found,) = judgement.verdict
     assert found.cause == "torque_gain"
     # the file's masses and forces, within their tolerances, determine the scale to one per cent
-    assert found.value == pytest.approx(1.06, abs=3.0 * found.sigma) and found.sigma < 0.015
+    assert found.value == pytest.approx(1.09, abs=3.0 * found.sigma) and found.sigma < 0.02
     assert judgement.found is not None
     value, sigma = judgement.found.settled.given_file(GAIN)
-    assert gain_factor(value) == pytest.approx(1.06, abs=max(3.0 * sigma, 0.001)) and sigma < 0.002
+    assert gain_factor(value) == pytest.approx(1.09, abs=max(3.0 * sigma, 0.001)) and sigma < 0.002
 
 
 @pytest.mark.slow

@@ -48,6 +48,7 @@ class TorqueSensor:
     """measured(t) = gain * filtered torque(t - delay) + offset, delay growing by `drift` seconds a second.
 
     Noise is added before the gain, behind the filters: low passes of order 1 or 2, a high pass of order 1; 0: none.
+    hum: (size [N m], Hz) of a line in time. step_Nm: of the readings. hold_hz: rate of a drive that repeats its values.
     """
 
     gain: float = 1.0
@@ -59,6 +60,9 @@ class TorqueSensor:
     low_pass_hz: float = 0.0
     low_pass_order: int = 1
     high_pass_hz: float = 0.0
+    hum: tuple[float, float] = (0.0, 50.0)
+    step_Nm: float = 0.0
+    hold_hz: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -147,6 +151,11 @@ def record(case: Case) -> MillRecording:
     late = time - s.delay_s - s.drift * (time - 0.5 * case.duration_s)
     torque = _filtered_torque(case, plan, np.clip(late, 0.0, case.duration_s))
     torque = s.gain * (torque + s.noise_Nm * rng.standard_normal(time.size)) + s.offset_Nm
+    torque += s.hum[0] * np.sin(2.0 * math.pi * s.hum[1] * time + 0.4)
+    if s.step_Nm:
+        torque = np.rint(torque / s.step_Nm) * s.step_Nm
+    if s.hold_hz:
+        torque = torque[np.searchsorted(time, np.floor(time * s.hold_hz) / s.hold_hz).clip(0, time.size - 1)]
     torque_stamps, kept = _stamped(time, case, rng)
     return MillRecording(angle_stamps, angle, torque_stamps, torque[kept], plan)
 

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.comparison.causes import NOT_THIS_MACHINE, Cause, Quantity, causes, quantities
 from textile_twin_core.comparison.elastic_hypothesis import RIGID_NOTE, elastic_cause, elastic_hypothesis
 from textile_twin_core.comparison.evidence import REST_SHARE, Evidence, Settings, best_periodic
 from textile_twin_core.comparison.force_law import ForceLawCause, explained_by_force_law
+from textile_twin_core.comparison.judged import Judged
+from textile_twin_core.comparison.motion_uncertainty import uncertain_ripple
 from textile_twin_core.comparison.range_ends import at_range_ends, range_end_note
 from textile_twin_core.comparison.readings import FEWEST_TURNS, AngleUnit, Readings, angle_unit, samples_per_turn
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack, shaft_track
@@ -18,19 +21,24 @@ from textile_twin_core.comparison.slips import parts_between, slips_of, without_
 from textile_twin_core.comparison.speed_control import torque_by_speed
 from textile_twin_core.comparison.stamp_timing import burst_verdict
 from textile_twin_core.comparison.standstill import standstills
+from textile_twin_core.comparison.torque_readings import TimeLine, fresh_readings, time_lines
 from textile_twin_core.comparison.torque_terms import TorqueTerms
-from textile_twin_core.comparison.verdict import NOT_THIS_MACHINE, Cause, Quantity, causes, quantities
 from textile_twin_core.inference.measurement import Hypothesis
-from textile_twin_core.inference.parameter import COULOMB, DELAY, DRIFT, GAIN, OFFSET, ROTOR, VISCOUS, ZERO, gain_factor
+from textile_twin_core.inference.parameter import (
+    DELAY,
+    FILTERS,
+)
 from textile_twin_core.inference.posterior import Posterior, infer
-from textile_twin_core.inference.record import MOST_SAMPLES, Record
-from textile_twin_core.inference.settled import Settled, settle, settled_sensors
+from textile_twin_core.inference.priors import chain_parameters
+from textile_twin_core.inference.record import MOST_SAMPLES, Record, Ripple
 from textile_twin_core.inference.starts import RATIOS
 from textile_twin_core.inference.torque_model import TabulatedTorque
-from textile_twin_core.machine import Machine
+from textile_twin_core.machine import Encoder, Machine
 
 LONGEST_DELAY_S = 1.0
 _MOST_GOVERNED = 60_000
+_LINE_SAMPLES, _FEWEST_FOR_LINES = 100_000, 512
+"""Most and fewest samples in which lines fixed in time are searched."""
 OTHER_UNITS = (("degrees", 360.0), ("revolutions", 1.0))
 """Units tried for an angle that never wraps, when radians explain little."""
 SOME_SLIPS = 3
@@ -45,8 +53,6 @@ from which an earlier part is as good."""
 _MOST_TOLD = 3
 _FEWEST_SETTLED = 6.0
 """Fewest turns of a part whose turn beside a slip is left out."""
-_SHOWN = 2.0
-"""Standard errors below which a covariance of residuals counts as zero."""
 _PLAUSIBLE_RAD_S = (0.2, 700.0)
 _WHEEL = (
     "read off a toothed wheel the acceleration is not known well enough for this torque: no verdict on it; hold the"
@@ -94,86 +100,6 @@ class Assessment:
         return math.nan if self.found is None else self.found.explained
 
 
-@dataclass(frozen=True)
-class Judged:
-    """A record and its posterior.
-
-    Attributes:
-        evidence: the record. posterior: of the record, by samples or block averages.
-        ratio: of the encoder over the configured one. encoder_turn_rad: shaft angle of a turn of the encoder.
-        explained: share of the torque's variance that the values of the posterior explain, sample by sample.
-        torque_by_speed_Nms: fall of the torque with the speed; where it is not 0, delay and inertia look alike.
-    """
-
-    evidence: Evidence
-    posterior: Posterior
-    ratio: float
-    encoder_turn_rad: float
-    explained: float
-    torque_by_speed_Nms: float
-
-    @cached_property
-    def unexplained(self) -> float:
-        """Share of the torque's variance that stays unexplained, without the noise of single samples.
-
-        Noise is independent between samples, so the covariance of neighbouring residuals counts; means over a turn
-        overlap, so there it is that of every other one. If the machine explains less than its departures from
-        nominal cost, noise is no excuse and the whole unexplained share counts.
-        """
-        p = self.posterior
-        m = p.measurement
-        m.model.linearise(m.values(p.fit.x), p.departing)
-        residual, good = m.residual(p.hypothesis, p.fit.x)
-        means, good = m.means(np.column_stack([residual, m.record.torque_Nm]), good)
-        square, variance = float(np.mean(means[good, 0] ** 2)), max(float(np.var(means[good, 1])), 1e-300)
-        if not 0.5 * np.count_nonzero(good) * math.log(variance / max(square, 1e-300)) > p.surprise:
-            return square / variance
-        if self.whole_turns:
-            product = (means[:-2, 0] * means[2:, 0])[good[:-2] & good[2:]]
-        else:
-            turning = self.evidence.thinned(self.evidence.time_s.size)
-            first = np.unique(np.linspace(0, turning.time_s.size - 2, MOST_SAMPLES // 2).astype(np.int64))
-            k = np.concatenate([first, first + 1])
-            record = replace(m.record, time_s=turning.time_s[k], torque_Nm=turning.torque_Nm[k], block_s=0.0)
-            residual, good = m.on(record).residual(p.hypothesis, p.fit.x)
-            (one, other), both = residual.reshape(2, -1), good.reshape(2, -1).all(0)
-            product, variance = (one * other)[both], max(float(np.var(turning.torque_Nm[first])), 1e-300)
-        if not product.size:
-            return 1.0
-        shown = float(np.mean(product)) - _SHOWN * float(np.std(product)) / math.sqrt(product.size)
-        return max(shown, 0.0) / variance
-
-    @property
-    def whole_turns(self) -> bool:
-        """True if means over whole turns were fitted: the machine's torque does not depend on the angle."""
-        return not self.posterior.measurement.model.depends_on_angle()
-
-    @cached_property
-    def settled(self) -> Settled:
-        """Estimates of sensors and friction, given the machine file and its tolerances."""
-        return settle(self.posterior, settled_sensors(self.posterior, self.evidence.turns_in_both_directions()))
-
-    @cached_property
-    def settings(self) -> Settings:
-        """The settled values as settings of the record's evidence."""
-        p, found = self.settled, self.posterior.hypothesis
-        of_file = self.posterior.measurement.parameters
-        loads = [p.value(known.name) / known.nominal for known in of_file if known.kind == "force"]
-        return Settings(
-            direction=1 if found.turn > 0.0 else -1,
-            ratio=abs(found.turn),
-            zero_rad=found.zero_rad + p.value(ZERO),
-            gain=found.gain * gain_factor(p.value(GAIN)),
-            offset_Nm=found.shown_offset(p.value(OFFSET)),
-            delay_s=found.delay_s + p.value(DELAY),
-            drift=p.value(DRIFT),
-            load=loads[0] if loads else 1.0,
-            constant_Nm=p.departure(COULOMB),
-            viscous_Nms=p.departure(VISCOUS),
-            inertia_kgm2=p.departure(ROTOR),
-        )
-
-
 def assess(readings: Readings, machine: Machine, track: ShaftTrack | None = None) -> Assessment:
     """Assess a recording by the hypotheses of its sensors and machine.
 
@@ -210,7 +136,8 @@ def _assess(readings: Readings, machine: Machine, track: ShaftTrack | None) -> A
     unit = _unit(readings)
     terms = TorqueTerms(machine)
     if track is not None and unit.name == "radians":
-        evidence = evidence_of(readings, track, terms, int(readings.angle_stamps_ns[0]), _encoder_turn(machine))
+        origin = int(readings.angle_stamps_ns[0])
+        evidence = evidence_of(readings, track, terms, origin, machine.sensors.encoder, unit)
     else:
         evidence = gather(readings, machine, terms, unit)
     reason = nothing_to_tell(evidence)
@@ -262,11 +189,30 @@ def _judged(
     beside = abs(posterior.hypothesis.turn / configured.turn)
     if abs(beside - 1.0) > 1e-9:
         evidence = gather(readings, machine, terms, unit, beside)
-        again, ratio = replace(configured, turn=configured.turn / beside), beside
-        posterior, by_speed = _inferred(evidence, machine, again, (beside,))
+        configured, ratio = replace(configured, turn=configured.turn / beside), beside
+        posterior, by_speed = _inferred(evidence, machine, configured, (beside,))
         if posterior is None:
             return None
-    return Judged(evidence, posterior, ratio, _encoder_turn(machine), posterior.explained, by_speed)
+    lines = _time_lines(evidence, posterior)
+    if lines:
+        quiet = evidence.torque_Nm - sum(line.at(evidence.time_s) for line in lines)
+        evidence = replace(evidence, torque_Nm=quiet)
+        posterior, by_speed = _inferred(evidence, machine, configured, (1.0,))
+        if posterior is None:
+            return None
+    return Judged(evidence, posterior, ratio, _encoder_turn(machine), posterior.explained, by_speed, lines)
+
+
+def _time_lines(evidence: Evidence, posterior: Posterior) -> tuple[TimeLine, ...]:
+    """Find lines fixed in time in the residual of all samples, or of runs where the torque is filtered."""
+    h = posterior.hypothesis
+    m = posterior.measurement.on(record_of(evidence.in_runs() if h.filters else evidence, most=_LINE_SAMPLES))
+    m.model.linearise(m.values(posterior.fit.x), posterior.departing)
+    residual, good = m.residual(h, posterior.fit.x)
+    if np.count_nonzero(good) < _FEWEST_FOR_LINES:
+        return ()
+    time, theta = m.record.time_s[good], m.record.motion.at(m.record.time_s[good])[0]
+    return time_lines(time, residual[good], theta, m.record.speed_rad_s)
 
 
 def _inferred(
@@ -282,12 +228,25 @@ def _inferred(
     rotor = not TabulatedTorque(machine, (), {}).depends_on_angle()
     if rotor:  # another ratio is the same as another inertia
         ratios = ratios[:1]
-    found = infer(record_of(evidence, bool(by_speed), rotor), machine, configured, ratios)
+    found = _posterior(evidence, bool(by_speed), rotor, machine, configured, ratios)
     if found is not None and not by_speed:
         by_speed = torque_by_speed(turning, found.hypothesis.delay_s + found.value(DELAY))
         if by_speed:
-            found = infer(record_of(evidence, True, rotor), machine, configured, ratios)
+            found = _posterior(evidence, True, rotor, machine, configured, ratios)
     return found, by_speed
+
+
+def _posterior(
+    evidence: Evidence,
+    speed_controlled: bool,
+    rotor: bool,
+    machine: Machine,
+    configured: Hypothesis,
+    ratios: tuple[float, ...],
+) -> Posterior | None:
+    """Infer the posterior of the record; filters of the torque are judged on runs of it."""
+    record = record_of(evidence, speed_controlled, rotor)
+    return infer(record, machine, configured, ratios, record_of(evidence.in_runs(), speed_controlled, rotor))
 
 
 def record_of(
@@ -315,6 +274,8 @@ def record_of(
         evidence.track.at_one_speed,
         speed_controlled,
         turning.block_s,
+        evidence.encoder_turn_rad / TURN,
+        evidence.ripple,
     )
 
 
@@ -348,7 +309,8 @@ def hypothesis_of(machine: Machine) -> Hypothesis:
     """Hypothesis of the configured sensors, for a track of the machine's own ratio."""
     encoder, sensor = machine.sensors.encoder, machine.sensors.torque
     zero = encoder.zero_rad * encoder.direction * encoder.ratio
-    return Hypothesis(float(encoder.direction), sensor.gain, zero, sensor.delay_s, sensor.offset_Nm)
+    filters = frozenset(p.name for p in chain_parameters(machine) if p.name in FILTERS and p.nominal)
+    return Hypothesis(float(encoder.direction), sensor.gain, zero, sensor.delay_s, sensor.offset_Nm, filters=filters)
 
 
 def gather(readings: Readings, machine: Machine, terms: TorqueTerms, unit: AngleUnit, ratio: float = 1.0) -> Evidence:
@@ -359,23 +321,33 @@ def gather(readings: Readings, machine: Machine, terms: TorqueTerms, unit: Angle
     encoder = machine.sensors.encoder
     encoder = replace(encoder, ratio=encoder.ratio * ratio)
     track = shaft_track(readings.angle_stamps_ns, angle, speed, origin_ns=origin, encoder=encoder)
-    return evidence_of(readings, track, terms, origin, TURN * encoder.ratio)
+    return evidence_of(readings, track, terms, origin, encoder, unit)
 
 
 def evidence_of(
-    readings: Readings, track: ShaftTrack, terms: TorqueTerms, origin_ns: int, encoder_turn_rad: float
+    readings: Readings, track: ShaftTrack, terms: TorqueTerms, origin_ns: int, encoder: Encoder, unit: AngleUnit
 ) -> Evidence:
     """Combine measured torque with the part of the shaft's track in which there is torque.
 
-    `encoder_turn_rad`: shaft angle of one turn of the encoder.
+    Args:
+        readings: of the recording. track: the shaft's motion. terms: parts of the machine's torque.
+        origin_ns: stamp of time 0. encoder: of the track. unit: of the logged angle.
     """
+    encoder_turn = TURN * encoder.ratio
+    ripple = Ripple()
+    if not encoder.teeth:
+        time_of_angle: FloatArray = np.asarray((readings.angle_stamps_ns - origin_ns) * 1e-9, np.float64)
+        own = encoder.true_angle(readings.angle * unit.to_radians) * encoder.ratio
+        ripple = uncertain_ripple(track, time_of_angle, own, encoder_turn)
     stamps = readings.torque_stamps_ns
     good = np.isfinite(readings.torque)
     good[1:] &= stamps[1:] > np.maximum.accumulate(stamps)[:-1]
     time: np.ndarray = (stamps[good] - origin_ns) * 1e-9
+    fresh = fresh_readings(time, readings.torque[good])
+    time, good[good] = time[fresh], fresh
     fast = track.fast_rad_s
     beside = min(LONGEST_DELAY_S, 0.5 * TURN / fast) if fast > 0.0 else LONGEST_DELAY_S  # largest delay tried
-    track = without_turns(track.between(time[0] - beside, time[-1] + beside), encoder_turn_rad)
+    track = without_turns(track.between(time[0] - beside, time[-1] + beside), encoder_turn)
     track, slips = _unbroken(track)
     # Drift and delay differ over the time in which the shaft turns; standstills may leave little of it.
     turning = track.time_s[np.abs(track.omega_rad_s) >= REST_SHARE * fast]
@@ -384,7 +356,17 @@ def evidence_of(
     _, omega, _, beside_angles = track.at(time)
     moving = beside_angles & (np.abs(omega) > REST_SHARE * fast)
     inside[moving] = ~at_range_ends(torque[moving])
-    return Evidence(time[inside], torque[inside], track, terms, middle, slips, torque[~inside])
+    return Evidence(
+        time[inside],
+        torque[inside],
+        track,
+        terms,
+        middle,
+        slips,
+        torque[~inside],
+        encoder_turn_rad=encoder_turn,
+        ripple=ripple,
+    )
 
 
 def _unbroken(track: ShaftTrack) -> tuple[ShaftTrack, tuple[tuple[float, float], ...]]:

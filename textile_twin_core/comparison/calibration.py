@@ -10,14 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from textile_twin_core.comparison.assessment import Assessment, Judged, assess, hypothesis_of
+from textile_twin_core.comparison.assessment import Assessment, assess, hypothesis_of
+from textile_twin_core.comparison.causes import NOT_THIS_MACHINE
+from textile_twin_core.comparison.judged import Judged
 from textile_twin_core.comparison.readings import Readings
 from textile_twin_core.comparison.result import plain
 from textile_twin_core.comparison.shaft_track import TURN
 from textile_twin_core.comparison.stage import Begin, unheard
 from textile_twin_core.comparison.stamp_timing import widened
 from textile_twin_core.comparison.uncertainty import Estimate
-from textile_twin_core.comparison.verdict import NOT_THIS_MACHINE
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.inference.measurement import Hypothesis
 from textile_twin_core.inference.parameter import DELAY, GAIN, HELD, OFFSET, ROTOR, SENSORS, ZERO, gain_factor

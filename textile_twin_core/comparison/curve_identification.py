@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from textile_twin_core.comparison.assessment import Judged, assess, hypothesis_of, record_of
+from textile_twin_core.comparison.assessment import assess, hypothesis_of, record_of
 from textile_twin_core.comparison.force_law import key_of, notes_of, with_law
 from textile_twin_core.comparison.identifiable import NotIdentifiable
 from textile_twin_core.comparison.identification import WRONG_FIRST, Identification
 from textile_twin_core.comparison.identified_machine import ALWAYS
+from textile_twin_core.comparison.judged import Judged
 from textile_twin_core.comparison.readings import Readings
 from textile_twin_core.comparison.result import curve_json
 from textile_twin_core.comparison.shaft_track import TURN

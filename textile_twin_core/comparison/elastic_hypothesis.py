@@ -8,9 +8,9 @@ from itertools import pairwise
 import numpy as np
 
 from textile_twin_core.arrays import ComplexArray, FloatArray
+from textile_twin_core.comparison.causes import Cause
 from textile_twin_core.comparison.evidence import Evidence, Settings
 from textile_twin_core.comparison.shaft_track import TURN
-from textile_twin_core.comparison.verdict import Cause
 from textile_twin_core.driveline import elastic_shaft
 from textile_twin_core.driveline.harmonic_response import HarmonicResponse, harmonic_response
 from textile_twin_core.machine import Machine, MainShaft, ShaftPiece, ShaftPlace, Station, TorqueFilter

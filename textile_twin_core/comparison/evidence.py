@@ -13,6 +13,7 @@ from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
 from textile_twin_core.comparison.torque_terms import Terms, TorqueTerms
 from textile_twin_core.inference import blocks
+from textile_twin_core.inference.record import Ripple
 from textile_twin_core.inference.robust import robust_scale
 
 _MOST_SAMPLES = 8000
@@ -24,6 +25,8 @@ _JUMP_GUARD_S = 0.001
 _BLOCKS_A_TURN = 10.0
 _PARTS = 32
 """Points in a sample's interval over which the load is averaged."""
+_RUNS, _RUN_S = 4, 4.0
+"""Number and length [s] of the runs in which torque is filtered over time."""
 _ORDERS = 12
 """Highest order of the shaft in `best_periodic`."""
 
@@ -83,6 +86,8 @@ class Evidence:
     at_ends_Nm: measured torques at an end of the sensor's range, left out of the others.
     block_s: width of the block averages (see `in_blocks`), or 0.
     speed_controlled: the drive is speed-controlled, so its torque is continuous where the load is not.
+    encoder_turn_rad: shaft angle of one turn of the encoder.
+    ripple: of the motion, and its uncertainty (see `uncertain_ripple`).
     """
 
     time_s: FloatArray
@@ -94,6 +99,8 @@ class Evidence:
     at_ends_Nm: FloatArray = field(default_factory=lambda: np.empty(0))
     block_s: float = 0.0
     speed_controlled: bool = False
+    encoder_turn_rad: float = TURN
+    ripple: Ripple = field(default_factory=Ripple)
     slow_rad_s: float = field(init=False)
     _seen: dict[tuple[float, float], tuple[FloatArray, FloatArray, FloatArray, BoolArray]] = field(
         init=False, repr=False, compare=False, default_factory=dict
@@ -115,6 +122,17 @@ class Evidence:
         elif turning.size > most:
             turning = turning[np.linspace(0, turning.size - 1, most).astype(np.int64)]
         return replace(self, time_s=self.time_s[turning], torque_Nm=self.torque_Nm[turning])
+
+    def in_runs(self) -> Evidence:
+        """Take samples in a few runs over the whole record, in which a torque can be filtered over time."""
+        first, last = float(self.time_s[0]), float(self.time_s[-1])
+        if last - first <= _RUNS * _RUN_S:
+            return self
+        starts = np.linspace(first, last - _RUN_S, _RUNS)
+        inside = np.zeros(self.time_s.size, np.bool_)
+        for start in starts.tolist():
+            inside |= (self.time_s >= start) & (self.time_s <= start + _RUN_S)
+        return replace(self, time_s=self.time_s[inside], torque_Nm=self.torque_Nm[inside])
 
     def in_blocks(self, speed_controlled: bool = False, whole_turns: bool = False) -> Evidence:
         """Return a copy that is fitted by averages over a tenth of a turn, or a turn, at working speed."""

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from textile_twin_core.comparison.causes import NOT_THIS_MACHINE
 from textile_twin_core.comparison.evidence import best_periodic
-from textile_twin_core.comparison.verdict import NOT_THIS_MACHINE
+from textile_twin_core.comparison.judged import Judged
 from textile_twin_core.dynamics.loads.force_curve import POSITION
 from textile_twin_core.inference.evidence import QuadraticEvidence
 from textile_twin_core.inference.force_law import (
@@ -25,9 +25,6 @@ from textile_twin_core.inference.map_fit import Fit, map_fit
 from textile_twin_core.inference.parameter import GAIN
 from textile_twin_core.inference.posterior import IMPLAUSIBLE_NATS, Posterior
 from textile_twin_core.machine import Machine
-
-if TYPE_CHECKING:
-    from textile_twin_core.comparison.assessment import Judged
 
 _TRIED = 0.002
 """Share of the torque's variance, unexplained by constant forces, from which a law over the measure is tried."""

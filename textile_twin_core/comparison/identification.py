@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.comparison.assessment import Judged, assess, hypothesis_of, record_of
+from textile_twin_core.comparison.assessment import assess, hypothesis_of, record_of
 from textile_twin_core.comparison.event_angle import EventAngle, event_angle
 from textile_twin_core.comparison.identifiable import NotIdentifiable, identifiable
 from textile_twin_core.comparison.identified_machine import Candidates
 from textile_twin_core.comparison.instrumented_fit import instrumented_fit
+from textile_twin_core.comparison.judged import Judged
 from textile_twin_core.comparison.readings import Readings
 from textile_twin_core.comparison.repeating_motion import excess_of, repeating_motion
 from textile_twin_core.comparison.result import plain

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from textile_twin_core.comparison.causes import Cause
 from textile_twin_core.comparison.readings import Readings
 from textile_twin_core.comparison.shaft_identification import (
     DAMPING,
@@ -18,7 +19,6 @@ from textile_twin_core.comparison.shaft_identification import (
     shaft_values,
 )
 from textile_twin_core.comparison.stage import Begin, unheard
-from textile_twin_core.comparison.verdict import Cause
 from textile_twin_core.driveline import elastic_shaft, find_resonances
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Machine

@@ -6,9 +6,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from textile_twin_core.comparison.causes import Cause
 from textile_twin_core.comparison.delay import SensorFit
 from textile_twin_core.comparison.uncertainty import Estimate
-from textile_twin_core.comparison.verdict import Cause
 from textile_twin_core.shaft.sample_clock import StampBursts
 
 MOST_HALF_WIDTH_S = 3e-4

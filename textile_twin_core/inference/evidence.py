@@ -16,11 +16,24 @@ from scipy.special import log_ndtr
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.inference.map_fit import Fit, prior_variance
 from textile_twin_core.inference.measurement import Measurement
-from textile_twin_core.inference.parameter import DELAY
+from textile_twin_core.inference.parameter import DELAY, FILTERS
 
 Departures = frozenset[str]
 EQUIVALENT_NATS = 3.0
 """Difference of log evidence below which two explanations are named together."""
+_OF_BODIES = (
+    "mass",
+    "inertia",
+    "centroid",
+    "length",
+    "ground",
+    "angle",
+    "spring",
+    "preload",
+    "joint_friction",
+    "plane",
+)
+"""Kinds of the numbers of bodies, links and springs."""
 _PAIRED = 8
 """Likeliest single departures with which all pairs are tried."""
 _MOST = 6
@@ -65,9 +78,8 @@ class QuadraticEvidence:
 
     def __call__(self, departing: Collection[str]) -> float:
         """Log evidence of a set of departures, odds included."""
-        names = sorted(departing)
-        k = np.array([self._place[name] for name in names], dtype=np.int64)
-        known = [self._parameters[place] for place in k.tolist()]
+        known = sorted((p for p in self._parameters if p.departs(departing)), key=lambda p: p.name)
+        k = np.array([self._place[p.name] for p in known], dtype=np.int64)
         spread = np.array([p.spread(v) for p, v in zip(known, self._x[k].tolist(), strict=True)])
         if any(p.widest > p.departure for p in known):  # the width of their prior is that at the posterior mean
             mean = self._gaussian(k, spread)[1]
@@ -109,13 +121,40 @@ def is_one(measurement: Measurement, departing: Collection[str]) -> bool:
     return not measurement.model.shaft_inertias.isdisjoint(departing)
 
 
+def undeclared_filters(measurement: Measurement, fit: Fit) -> Departures:
+    """Return the filters of a fit's hypothesis that the machine file does not have."""
+    return frozenset(n for n in fit.hypothesis.filters if not measurement.nominal[measurement.place[n]])
+
+
+def hidden_by_motion(measurement: Measurement, fit: Fit) -> frozenset[str]:
+    """Return the numbers of bodies and links whose usual mistake changes the torque less than the motion's uncertainty.
+
+    The encoder, its rate and the shaft's inertia cannot show these.
+    """
+    if not measurement.uncertain_Nm:
+        return frozenset()
+    slope = fit.scale * np.sqrt(np.diag(fit.information) / max(fit.count, 1))
+    return frozenset(
+        p.name
+        for p, each in zip(measurement.parameters, slope.tolist(), strict=True)
+        if p.kind in _OF_BODIES and each * p.departure < measurement.uncertain_Nm
+    )
+
+
 def choose(measurement: Measurement, fit: Fit, inflation: float, start: Collection[str] = ()) -> Choice:
-    """Search the likeliest set of departures: add, drop and swap one; from an empty set also add pairs."""
-    names, evidence = measurement.names, QuadraticEvidence(measurement, fit, inflation)
+    """Search the likeliest set of departures: add, drop and swap one; from an empty set also add pairs.
+
+    Filters of the fit's hypothesis that the file does not have are in each set, other filters in none.
+    """
+    always = undeclared_filters(measurement, fit)
+    absent = set(FILTERS) - fit.hypothesis.filters | hidden_by_motion(measurement, fit)
+    names = tuple(p.name for p in measurement.parameters if p.may_depart and p.name not in absent)
+    start = always.union(start)
+    evidence = QuadraticEvidence(measurement, fit, inflation)
     seen: dict[Departures, float] = {}
 
     def value(departing: Departures) -> float:
-        if departing not in seen and not is_one(measurement, departing):
+        if departing not in seen and always <= departing and not is_one(measurement, departing):
             seen[departing] = evidence(departing)
         return seen.get(departing, -np.inf)
 
@@ -125,11 +164,11 @@ def choose(measurement: Measurement, fit: Fit, inflation: float, start: Collecti
         inside = sorted(here)  # sets have no order of their own, and the first of equals wins
         moves = [here - {name} for name in inside]
         moves += [here - {gone} | {name} for gone in inside for name in names if name not in here]
-        if len(here) < _MOST:
+        if len(here) < _MOST + len(always):
             moves += [here | {name} for name in names if name not in here]
-        if not here:
-            single = sorted(names, key=lambda name: -value(frozenset({name})))[:_PAIRED]
-            moves += [frozenset({one, other}) for one in single for other in names if other != one]
+        if here == always:
+            single = sorted(names, key=lambda name: -value(here | {name}))[:_PAIRED]
+            moves += [here | {one, other} for one in single for other in names if other != one]
         top = max(moves, key=value)
         if value(top) <= best + 1e-9:
             break

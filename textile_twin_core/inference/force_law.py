@@ -322,7 +322,7 @@ class CurvedTorque(TabulatedTorque):
             out |= {name: rotated[:, c] for c, name in enumerate(self.names)}
             if edge:
                 out |= {EDGES[0]: -forces[0] * bumps[0], EDGES[1]: -forces[k] * bumps[1]}
-        return Torque(torque, out, variance)
+        return Torque(torque, out, variance, found.by_omega, found.by_alpha)
 
     def _between(self, theta: FloatArray) -> tuple[IntArray, FloatArray]:
         """Node below angles (m,), and the fraction to the next one."""

@@ -91,7 +91,7 @@ class Weighed:
 def prior_variance(measurement: Measurement, departing: Collection[str], x: FloatArray) -> FloatArray:
     """Prior variances (k,): of departures for the named parameters, of everyday tolerances for all others."""
     pairs = zip(measurement.parameters, x.tolist(), strict=True)
-    return np.array([(p.spread(v) if p.name in departing else p.tolerance) ** 2 for p, v in pairs])
+    return np.array([(p.spread(v) if p.departs(departing) else p.tolerance) ** 2 for p, v in pairs])
 
 
 def map_fit(

@@ -2,15 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray
 from textile_twin_core.inference import blocks
-from textile_twin_core.inference.parameter import DELAY, DRIFT, GAIN, HELD, OFFSET, ZERO, ModelParameter, gain_factor
+from textile_twin_core.inference.chain import GRID_SPREAD, AngleRipple, EvenGrid, State, torque_filter
+from textile_twin_core.inference.parameter import (
+    BUTTERWORTH,
+    DELAY,
+    DRIFT,
+    GAIN,
+    HELD,
+    HIGH_PASS,
+    LOW_PASS,
+    OFFSET,
+    ZERO,
+    ModelParameter,
+    gain_factor,
+)
 from textile_twin_core.inference.record import Record
-from textile_twin_core.inference.torque_model import TabulatedTorque
+from textile_twin_core.inference.torque_model import SPREAD_RAD, TabulatedTorque, Torque
 
 _ZERO_STEP, _DELAY_STEP = 5e-4, 2e-4
 """Steps of the slopes by zero [rad] and delay [s], wide enough to average out the noise of the estimated motion."""
@@ -18,6 +33,9 @@ _SLOW = 0.6
 """Share of the record's slow speed above which a sample counts, so that no shift of time changes its friction."""
 _KEPT = 3
 """Number of motions at different delays in the cache: a fit needs one delay and both sides of it."""
+_FILTER_STEP = 0.02
+"""Step of the slopes by a filter's parameter, as a share of its value."""
+_LEAST_FILTER = {LOW_PASS: 1e-3, BUTTERWORTH: 1e-3, HIGH_PASS: 0.05}
 _GUARD_S, _UNCERTAIN = 1e-3, 1e-3
 """Time beside a step of the load within which its side is uncertain; share of the working torque that matters."""
 
@@ -33,6 +51,7 @@ class Hypothesis:
         gain: of the torque sensor with sign and unit.
         zero_rad: configured zero in shaft angle. delay_s, offset_Nm: configured.
         unit: factor of the unit of the logged torque and of a departure of the offset.
+        filters: parameters of the torque sensor's filters that act.
     """
 
     turn: float
@@ -41,6 +60,7 @@ class Hypothesis:
     delay_s: float = 0.0
     offset_Nm: float = 0.0
     unit: float = 1.0
+    filters: frozenset[str] = frozenset()
 
     def shown_offset(self, departure_Nm: float) -> float:
         """Offset in the logged unit."""
@@ -63,77 +83,159 @@ class Expected:
 
 
 class Measurement:
-    """A record, the model of its machine, and the parameters in their order."""
+    """A record, the model of its machine, and the parameters in their order.
+
+    Args:
+        record: the samples. model: torque of the machine. parameters: in their order.
+        working_torque_Nm: scale of the torque at work.
+        uncertain_Nm: root mean square of the torque that the uncertainty of the motion makes.
+    """
 
     def __init__(
-        self, record: Record, model: TabulatedTorque, parameters: tuple[ModelParameter, ...], working_torque_Nm: float
+        self,
+        record: Record,
+        model: TabulatedTorque,
+        parameters: tuple[ModelParameter, ...],
+        working_torque_Nm: float,
+        uncertain_Nm: float = 0.0,
     ) -> None:
         self.record, self.model, self.parameters = record, model, parameters
         self.names = tuple(p.name for p in parameters)
         self.place = {name: k for k, name in enumerate(self.names)}
         self.nominal = np.array([p.nominal for p in parameters])
-        self.working_torque_Nm = working_torque_Nm
-        self._motion: dict[tuple[float, float], States] = {}
+        self.working_torque_Nm, self.uncertain_Nm = working_torque_Nm, uncertain_Nm
+        self.ripple = AngleRipple(parameters, record.shaft_per_encoder, record.speed_rad_s)
+        self._motion: dict[tuple[bool, float, float], States] = {}
+
+    @cached_property
+    def grid(self) -> EvenGrid:
+        """Even grid of time on which the torque is filtered."""
+        return EvenGrid(self.record.time_s, self.record.speed_rad_s)
 
     def on(self, record: Record) -> Measurement:
         """Return a copy for another record."""
-        return Measurement(record, self.model, self.parameters, self.working_torque_Nm)
+        return Measurement(record, self.model, self.parameters, self.working_torque_Nm, self.uncertain_Nm)
 
     def values(self, x: FloatArray) -> dict[str, float]:
         """Values by name."""
         return dict(zip(self.names, x.tolist(), strict=True))
 
-    def states(self, hypothesis: Hypothesis, delay_s: float, drift: float, zero_rad: float) -> States:
-        """Return angle, speed and acceleration of the shaft at the samples less the delay, and a mask of known ones."""
-        if (delay_s, drift) not in self._motion:
+    def states(
+        self, hypothesis: Hypothesis, v: Mapping[str, float], zero_rad: float = 0.0, late_s: float = 0.0
+    ) -> tuple[States, States]:
+        """Shaft's angle, speed and acceleration at the readings less the delay, and the mask of known ones.
+
+        Args:
+            hypothesis: discrete settings. v: values of the parameters.
+            zero_rad, late_s: added to zero and delay.
+
+        Returns the states of the shaft, and those of the record's motion from which they come.
+        """
+        delay, drift = hypothesis.delay_s + v[DELAY] + late_s, v[DRIFT]
+        key = (bool(hypothesis.filters), delay, drift)
+        if key not in self._motion:
             if len(self._motion) == _KEPT:
                 self._motion.clear()
-            late = delay_s + drift * (self.record.time_s - self.record.middle_s)
-            self._motion[delay_s, drift] = self.record.motion.at(self.record.time_s - late)
-        theta, omega, alpha, good = self._motion[delay_s, drift]
+            time = self.grid.time_s if hypothesis.filters else self.record.time_s
+            self._motion[key] = self.record.motion.at(time - delay - drift * (time - self.record.middle_s))
+        *motion, good = self._motion[key]
+        state: State = (motion[0], motion[1], motion[2])
+        theta, omega, alpha = self.ripple.corrected(v, state)
         turn = hypothesis.turn
-        return turn * theta - hypothesis.zero_rad - zero_rad, turn * omega, turn * alpha, good
+        shaft = turn * theta - hypothesis.zero_rad - v[ZERO] - zero_rad, turn * omega, turn * alpha, good
+        return shaft, (*state, good)
 
     def expected(self, hypothesis: Hypothesis, x: FloatArray, slopes: bool = False) -> Expected:
         """Expected readings at the samples."""
         v = self.values(x)
         table = self.model.table(v)
         gain = hypothesis.gain * gain_factor(v[GAIN])
-        delay = hypothesis.delay_s + v[DELAY]
-        theta, omega, alpha, good = self.states(hypothesis, delay, v[DRIFT], v[ZERO])
-        found = self.model.torque(v, (theta, omega, alpha), table, slopes)
-        torque = found.torque_Nm
+        (theta, omega, alpha, good), own = self.states(hypothesis, v)
+        spread = self.spread_rad(hypothesis)
+        found = self.model.torque(v, (theta, omega, alpha), table, slopes, spread_rad=spread)
+        torque, columns = found.torque_Nm, dict[str, FloatArray]()
+        if slopes:
+            columns = self._slopes(hypothesis, v, table, found, own)
         good = good & (np.abs(omega) > _SLOW * abs(hypothesis.turn) * self.record.slow_rad_s) & np.isfinite(torque)
+        sigma = np.sqrt(found.variance)
+        if hypothesis.filters:
+            torque, sigma, theta, good, columns = self._filtered(hypothesis, v, torque, sigma, theta, good, columns)
         shown = gain * torque + hypothesis.shown_offset(v[OFFSET])
-        sigma = abs(gain) * np.sqrt(found.variance)
+        sigma = abs(gain) * sigma
         if not slopes:
             return Expected(shown, good, theta, sigma, None)
-        out = found.slopes
+        columns[GAIN] = torque * gain_factor(v[GAIN])
+        columns[OFFSET] = np.full_like(torque, hypothesis.unit / gain)
+        none = np.zeros_like(torque)
+        matrix = gain * np.stack([columns.get(name, none) for name in self.names], 1)
+        return Expected(shown, good & np.isfinite(matrix).all(axis=1), theta, sigma, matrix)
+
+    def spread_rad(self, hypothesis: Hypothesis) -> float:
+        """Shaft angle over which a step of the load is smeared; a filter smears it by itself."""
+        if not hypothesis.filters:
+            return SPREAD_RAD
+        return GRID_SPREAD * self.grid.period_s * abs(hypothesis.turn * self.record.speed_rad_s)
+
+    def _slopes(
+        self, hypothesis: Hypothesis, v: Mapping[str, float], table: FloatArray, found: Torque, own: States
+    ) -> dict[str, FloatArray]:
+        """Slopes of the true torque by all parameters but those of the sensor's scale and filters."""
 
         def at(zero: float, late: float) -> FloatArray:
-            moved = self.states(hypothesis, delay + late, v[DRIFT], v[ZERO] + zero)[:3]
-            return self.model.torque(v, moved, table).torque_Nm
+            moved = self.states(hypothesis, v, zero, late)[0]
+            return self.model.torque(v, moved[:3], table, spread_rad=self.spread_rad(hypothesis)).torque_Nm
 
+        out = dict(found.slopes)
         out[ZERO] = (at(_ZERO_STEP, 0.0) - at(-_ZERO_STEP, 0.0)) / (2.0 * _ZERO_STEP)
         out[DELAY] = (at(0.0, _DELAY_STEP) - at(0.0, -_DELAY_STEP)) / (2.0 * _DELAY_STEP)
-        out[DRIFT] = out[DELAY] * (self.record.time_s - self.record.middle_s)
-        out[GAIN] = torque * gain_factor(v[GAIN])
-        out[OFFSET] = np.full_like(torque, hypothesis.unit / gain)
-        out[HELD] = np.zeros_like(torque)
-        columns = gain * np.stack([out[name] for name in self.names], 1)
-        return Expected(shown, good & np.isfinite(columns).all(axis=1), theta, sigma, columns)
+        time = self.grid.time_s if hypothesis.filters else self.record.time_s
+        out[DRIFT] = out[DELAY] * (time - self.record.middle_s)
+        turn = hypothesis.turn
+        by = -turn * out[ZERO], turn * found.by_omega, turn * found.by_alpha
+        return out | self.ripple.slopes(own[:3], by)
+
+    def _filtered(
+        self,
+        hypothesis: Hypothesis,
+        v: Mapping[str, float],
+        torque: FloatArray,
+        sigma: FloatArray,
+        theta: FloatArray,
+        good: BoolArray,
+        columns: dict[str, FloatArray],
+    ) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray, dict[str, FloatArray]]:
+        """Torque on the grid and its slopes through the sensor's filter, at the samples; likewise angles and mask."""
+        chosen, names = torque_filter(v), list(columns)
+        torque = np.where(good, torque, 0.0)
+        stacked = np.stack([torque, *(np.where(good, columns[name], 0.0) for name in names)], 1)
+        through = self.grid.at_samples(self.grid.through(chosen, stacked))
+        out = {name: through[:, 1 + k] for k, name in enumerate(names)}
+        if names:
+            for name in hypothesis.filters:
+                step = _FILTER_STEP * max(v[name], _LEAST_FILTER[name])
+                low, high = max(v[name] - step, 0.0), v[name] + step
+                ends = [self.grid.through(torque_filter({**v, name: each}), torque) for each in (low, high)]
+                out[name] = self.grid.at_samples((ends[1] - ends[0]) / (high - low))
+        low_pass = torque_filter({**v, HIGH_PASS: 0.0})
+        uncertain = np.abs(self.grid.at_samples(self.grid.through(low_pass, np.where(good, sigma, 0.0))))
+        return through[:, 0], uncertain, self.grid.at_samples(theta), self.grid.settled(chosen, good), out
 
     def residual(self, hypothesis: Hypothesis, x: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Return the residual torque of each sample, and a mask of the usable ones, away from steps of the load."""
         v = self.values(x)
-        *state, good = self.states(hypothesis, hypothesis.delay_s + v[DELAY], v[DRIFT], v[ZERO])
-        guard = _GUARD_S * abs(hypothesis.turn * self.record.speed_rad_s)
-        theta, omega, alpha = state
-        found = self.model.torque(v, (theta, omega, alpha), self.model.table(v), spread_rad=0.5 * guard)
+        (theta, omega, alpha, good), _ = self.states(hypothesis, v)
+        guard = 0.5 * _GUARD_S * abs(hypothesis.turn * self.record.speed_rad_s)
+        spread = self.spread_rad(hypothesis) if hypothesis.filters else guard
+        found = self.model.torque(v, (theta, omega, alpha), self.model.table(v), spread_rad=spread)
+        torque = found.torque_Nm
         good = good & (np.abs(omega) > _SLOW * abs(hypothesis.turn) * self.record.slow_rad_s)
-        good = good & (found.variance <= (_UNCERTAIN * self.working_torque_Nm) ** 2)
+        if hypothesis.filters:
+            sigma = np.sqrt(found.variance)
+            torque, _, _, good, _ = self._filtered(hypothesis, v, torque, sigma, theta, good, {})
+        else:
+            good = good & (found.variance <= (_UNCERTAIN * self.working_torque_Nm) ** 2)
         gain = hypothesis.gain * gain_factor(v[GAIN])
-        return self.record.torque_Nm - gain * found.torque_Nm - hypothesis.shown_offset(v[OFFSET]), good
+        return self.record.torque_Nm - gain * torque - hypothesis.shown_offset(v[OFFSET]), good
 
     def means(self, columns: FloatArray, good: BoolArray) -> tuple[FloatArray, BoolArray]:
         """Return values (m, k) at the samples, or their block averages, and a mask of the usable ones."""
@@ -150,11 +252,13 @@ class Measurement:
         The torque is then due to weight, springs and the sensor's offset; a brake may hold more.
         """
         rests = self.record.standstills
-        if not rests:
+        if not rests or HIGH_PASS in hypothesis.filters:
             return np.empty(0), np.empty((0, len(self.names))) if slopes else None
         v = self.values(x)
         time, shown, sigma = np.array([(r.time_s, r.torque_Nm, r.sigma_Nm) for r in rests]).T
-        theta = hypothesis.turn * self.record.motion.at(time)[0] - hypothesis.zero_rad - v[ZERO]
+        own, _, _, _ = self.record.motion.at(time)
+        own = self.ripple.corrected(v, (own, np.zeros_like(own), np.zeros_like(own)))[0]
+        theta = hypothesis.turn * own - hypothesis.zero_rad - v[ZERO]
         none = np.zeros_like(theta)
         gain = hypothesis.gain * gain_factor(v[GAIN])
         found = self.model.torque(v, (theta, none, none), self.model.table(v), slopes, way=none)

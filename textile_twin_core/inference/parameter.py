@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 
 ZERO = "sensors.encoder.zero_rad"
@@ -13,6 +14,19 @@ OFFSET = "sensors.torque.offset_Nm"
 COULOMB = "loads.shaft_friction.coulomb_Nm"
 VISCOUS = "loads.shaft_friction.viscous_Nms"
 ROTOR = "bodies.main_shaft.inertia_kgm2"
+LOW_PASS = "sensors.torque.low_pass_s"
+BUTTERWORTH = "sensors.torque.low_pass_hz"
+HIGH_PASS = "sensors.torque.high_pass_hz"
+FILTERS = (LOW_PASS, BUTTERWORTH, HIGH_PASS)
+"""Filters of the torque sensor. Values: time constants of the low passes [s], 1 / (2 pi corner) for the Butterworth of
+the second order, so that 0 is no filter; corner of the high pass [Hz]."""
+ECCENTRICITY = "sensors.encoder.eccentricity_rad"
+ECCENTRIC = (f"{ECCENTRICITY}[0]", f"{ECCENTRICITY}[1]")
+"""Errors of the encoder once and twice a turn of its own: the cosine's amplitude, which the sine's follows."""
+MOTION = "motion.order"
+"""Prefix of the ripple of the shaft's angle that the readings leave uncertain; no number of the file."""
+OF_LOAD = ".load"
+"""Suffix of the ripple that loads cause, whose angle is inverse to the squared speed."""
 HELD = "standstill.held_Nm"
 """Torque that holds the shaft at standstill only, as a brake's; not a number of the file."""
 CURVE, EDGE = "curve", "edge"
@@ -38,6 +52,7 @@ class ModelParameter:
         threshold: smallest departure that is reported.
         unit: of value, tolerance and departure.
         low: least possible value.
+        leader: parameter with which this one departs, as the sine of an order with its cosine; empty for none.
     """
 
     name: str
@@ -50,15 +65,25 @@ class ModelParameter:
     threshold: float
     unit: str
     low: float = -math.inf
+    leader: str = ""
 
     @property
     def log_odds(self) -> float:
-        """Logarithm of the odds of a departure."""
-        return math.log(self.probability / (1.0 - self.probability))
+        """Logarithm of the odds of a departure; 0 for a parameter that follows another."""
+        return math.log(self.probability / (1.0 - self.probability)) if self.may_depart else 0.0
 
     def spread(self, value: float) -> float:
         """Standard deviation of a departure of this size: a scale mixture, so that large mistakes stay possible."""
         return min(max(abs(value - self.nominal), self.departure), self.widest)
+
+    @property
+    def may_depart(self) -> bool:
+        """True if a departure of its own is possible: not for one that follows another, or is uncertain by nature."""
+        return not self.leader and self.probability > 0.0
+
+    def departs(self, departing: Collection[str]) -> bool:
+        """Return true if the parameter, or the one that it follows, is among the departures."""
+        return (self.leader or self.name) in departing
 
 
 def gain_factor(value: float) -> float:

@@ -15,7 +15,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.inference.evidence import Choice, Departures, QuadraticEvidence, choose, is_one
+from textile_twin_core.inference.evidence import (
+    Choice,
+    Departures,
+    QuadraticEvidence,
+    choose,
+    is_one,
+    undeclared_filters,
+)
+from textile_twin_core.inference.filter_scan import likely_filters
 from textile_twin_core.inference.map_fit import Fit, map_fit, wide_fit
 from textile_twin_core.inference.measurement import Hypothesis, Measurement
 from textile_twin_core.inference.parameter import (
@@ -23,13 +31,14 @@ from textile_twin_core.inference.parameter import (
     DELAY,
     DRIFT,
     GAIN,
+    HIGH_PASS,
     OFFSET,
     ZERO,
     ModelParameter,
     gain_factor,
     gain_value,
 )
-from textile_twin_core.inference.priors import WorkingPoint, parameters
+from textile_twin_core.inference.priors import WorkingPoint, parameters, uncertain_ripple
 from textile_twin_core.inference.record import MOST_SAMPLES, Record
 from textile_twin_core.inference.starts import GAINS, LOG_ODDS, RATIOS, TURN, hypotheses
 from textile_twin_core.inference.torque_model import TabulatedTorque
@@ -39,6 +48,10 @@ _ROUNDS = 5
 """Rounds of refits in which the set of departures may change."""
 IMPLAUSIBLE_NATS = 30.0
 """Prior cost of the departures above which another machine is likelier."""
+_MOST_FILTERS, _FITTED_FILTERS = 2, 2
+"""Most filters in a chain, and number of candidates that are fitted for each."""
+_BLOCKED_MEAN = 0.8
+"""Share of the torque's variance below which a sensor that blocks the mean is a hypothesis."""
 _HYPOTHESES, _AS_GOOD = 3, 0.01
 """Number of discrete hypotheses to search while all are implausible; share of variance that a later one may lack."""
 _BESIDE_ZERO = (GAIN, DRIFT, COULOMB, OFFSET)
@@ -125,7 +138,11 @@ class Posterior:
 
 
 def infer(
-    record: Record, machine: Machine, configured: Hypothesis, ratios: tuple[float, ...] = RATIOS
+    record: Record,
+    machine: Machine,
+    configured: Hypothesis,
+    ratios: tuple[float, ...] = RATIOS,
+    dense: Record | None = None,
 ) -> Posterior | None:
     """Infer sensors, machine and departures from the file from one record.
 
@@ -134,11 +151,25 @@ def infer(
         machine: the machine of the file.
         configured: sensor settings of the file.
         ratios: gear ratios to try, beside the configured one; the default has those of small whole numbers.
+        dense: samples of the same recording in runs short enough to filter the torque over time; None: the record.
 
     Returns:
         The posterior, or None when no hypothesis gives a fit.
     """
     measurement = _measurement(record, machine, configured)
+    dense_measurement = measurement if dense is None else measurement.on(dense)
+    found = _inferred(measurement, configured, ratios)
+    if found is None or found.explained < _BLOCKED_MEAN or OFFSET in found.departing:
+        # without the mean of the torque no hypothesis of the others need be near
+        blocked = replace(configured, filters=configured.filters | {HIGH_PASS})
+        other = _inferred(dense_measurement, blocked, ratios)
+        if other is not None:
+            found = other if found is None else _likelier(found, other)
+    return None if found is None else _with_filters(found, dense_measurement)
+
+
+def _inferred(measurement: Measurement, configured: Hypothesis, ratios: tuple[float, ...]) -> Posterior | None:
+    """Infer the posterior with the filters of the configured hypothesis."""
     fits = hypotheses(measurement, configured, ratios)
     if not fits:
         return None
@@ -153,6 +184,51 @@ def infer(
             return found
         first = first or found
     return first
+
+
+def _with_filters(found: Posterior, measurement: Measurement) -> Posterior:
+    """Return the posterior with those filters of the torque sensor that are likelier than none."""
+    for _ in range(_MOST_FILTERS):
+        best, log_evidence = None, -math.inf
+        for name, value, late in likely_filters(measurement, found.fit)[:_FITTED_FILTERS]:
+            x = found.fit.x.copy()
+            x[measurement.place[name]] = value
+            x[measurement.place[DELAY]] += late
+            hypothesis = replace(found.hypothesis, filters=found.hypothesis.filters | {name})
+            departing = found.departing | {name, DELAY}
+            fit = wide_fit(measurement, hypothesis, x, departing, relinearise=True)
+            if best is not None:
+                fit = wide_fit(
+                    measurement,
+                    hypothesis,
+                    fit.x,
+                    departing,
+                    inflation=best.inflation,
+                    scale=best.scale,
+                    relinearise=True,
+                )
+            value = QuadraticEvidence(measurement, fit, fit.inflation)(departing) + fit.log_likelihood
+            if best is None or value > log_evidence:
+                best, log_evidence = fit, value
+        if best is None:
+            break
+        other = _Search(measurement, found.configured, [best]).run()
+        likelier = _likelier(found, other)
+        if likelier is found:
+            break
+        found = likelier
+    return found
+
+
+def _likelier(one: Posterior, other: Posterior) -> Posterior:
+    """Return the likelier of two posteriors, compared on the other's samples with its scale and inflation."""
+    m, fit = other.measurement, other.fit
+    scale, inflation = fit.scale, fit.inflation
+    same = map_fit(
+        m, one.hypothesis, one.fit.x, one.departing, iterations=0, inflation=inflation, scale=scale, relinearise=True
+    )
+    value = QuadraticEvidence(m, same, inflation)(one.departing) + same.log_likelihood
+    return one if value >= other.log_evidence else other
 
 
 def _likelier_without_unit(found: Posterior, fits: list[Fit]) -> Posterior:
@@ -192,7 +268,9 @@ def _measurement(record: Record, machine: Machine, configured: Hypothesis) -> Me
     scale = max(float(np.percentile(torque, 95.0)) if torque.size else 0.0, 1e-9)
     inertia = max(model.mean_inertia + sum(b.inertia_kgm2 for b in machine.bodies if b.is_flywheel), 1e-12)
     scaled, _ = parameters(machine, WorkingPoint(scale, speed, inertia))
-    return Measurement(measurement.record, model, scaled, scale)
+    orders = model.torque_orders(speed)
+    ripple, felt = uncertain_ripple(measurement.record.ripple, orders, inertia, speed, scale)
+    return Measurement(measurement.record, model, (*scaled, *ripple), scale, felt)
 
 
 class _Search:
@@ -217,6 +295,7 @@ class _Search:
         first = choose(m, full, full.inflation).departing
         best = self._refit(full.x, first)
         tried = {first}
+        always = undeclared_filters(m, full)
         if m.record.one_speed:
             for departing, x in self._ends(first):
                 best = max(best, self._refit(x, departing), key=lambda each: each[0])
@@ -225,7 +304,7 @@ class _Search:
             value, fit, departing = best
             choice = choose(m, fit, full.inflation, departing)
             queue = [(choice.departing, fit.x), *((s, fit.x) for _, s in choice.rivals[:2])]
-            for name in sorted(departing):
+            for name in sorted(departing - always):
                 queue += self._without(fit, departing, name)
             queue = [(s, x) for s, x in queue if s not in tried and not is_one(m, s)]
             tried |= {s for s, _ in queue}

@@ -7,20 +7,30 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
 from textile_twin_core.dynamics.loads import Backing, ShaftFriction
 from textile_twin_core.errors import MachineError
 from textile_twin_core.inference.parameter import (
+    BUTTERWORTH,
     COULOMB,
     DELAY,
     DRIFT,
+    ECCENTRIC,
     GAIN,
     HELD,
+    HIGH_PASS,
+    LOW_PASS,
+    MOTION,
+    OF_LOAD,
     OFFSET,
     ROTOR,
     VISCOUS,
     ZERO,
     ModelParameter,
 )
+from textile_twin_core.inference.record import Ripple
 from textile_twin_core.machine import Machine
 from textile_twin_core.machine.slots import Slot, read, slots
 from textile_twin_core.mechanism import MAIN_SHAFT
@@ -47,14 +57,19 @@ PRIORS: Mapping[str, Prior] = {
     "delay": Prior(5e-5, 8e-3, 0.05, 3e-4, 0.03),
     # Quartz clocks agree to a few parts per million; clocks that are not disciplined drift by up to a thousandth.
     "drift": Prior(2e-6, 5e-4, 0.01, 2e-5),
-    # Torque sensors are calibrated to a few per mille; a wrong range or bridge factor changes tens of per cent.
-    "gain": Prior(3e-3, 0.3, 0.03, 0.02),
+    # Torque sensors are calibrated and mounted to a per cent; a wrong range or bridge factor changes tens of per cent.
+    "gain": Prior(0.01, 0.2, 0.05, 0.02),
+    # Couplings and wheels that run out by a hundredth of their radius give ten milliradians.
+    "eccentricity": Prior(1e-3, 0.01, 0.05, 2e-3),
+    # Time constants of a sensor's low pass, and the corner of an amplifier that blocks the mean [Hz].
+    "low_pass": Prior(1e-5, 0.02, 0.05, 5e-4, 0.1),
+    "high_pass": Prior(1e-4, 0.5, 0.01, 0.01, 2.0),
     # Of the working torque: zero drift of a strain gauge, and a bridge that was not balanced.
-    "offset": Prior(2e-3, 0.15, 0.03, 0.015),
+    "offset": Prior(0.01, 0.15, 0.03, 0.015),
     # Of the working torque: bearings of a machine that runs warm, and friction that the file leaves out; a light rotor
     # may have several times the torque that its file gives.
-    "coulomb": Prior(3e-3, 0.15, 0.05, 0.015, 5.0),
-    "viscous": Prior(3e-3, 0.15, 0.03, 0.015, 5.0),
+    "coulomb": Prior(0.01, 0.15, 0.05, 0.015, 5.0),
+    "viscous": Prior(0.01, 0.15, 0.03, 0.015, 5.0),
     # Of the working torque: dry friction and a brake hold a standing shaft.
     "held": Prior(1e-3, 0.15, 0.005, 0.015),
     # Of the mean inertia: couplings; a motor's rotor or a flywheel may weigh many times the linkage.
@@ -103,6 +118,12 @@ _OF_ATTRIBUTE = {
     "entry_plane_m": "plane",
     "exit_plane_m": "plane",
 }
+_CONFIGURED_FILTER = 0.05
+"""Relative tolerance of a filter that the machine file states, as of its capacitors and resistors."""
+_RESOLVED = 0.1
+"""Uncertainty of an order's acceleration, over its torque, below which the encoder resolves it."""
+_MOST_RIPPLE, _FELT = 16, 2e-3
+"""Most orders of the ripple in a fit; their least torque over the working torque."""
 _RELATIVE = ("mass", "inertia", "length", "spring", "joint_friction", "force")
 _NO_SIZE = 1e-50
 """Size below which a number has no relative tolerance, and no effect."""
@@ -142,6 +163,7 @@ def parameters(machine: Machine, point: WorkingPoint) -> tuple[tuple[ModelParame
         _of("viscous", VISCOUS, sum(load.viscous_Nms for load in frictions), torque / speed, "N m s", 0.0),
         _of("held", HELD, 0.0, torque, "N m"),
         _of("rotor", ROTOR, rotor, inertia, "kg m2", 0.0),
+        *chain_parameters(machine),
     ]
     values, held = read(machine), {}
     for slot in slots(machine):
@@ -160,6 +182,62 @@ def parameters(machine: Machine, point: WorkingPoint) -> tuple[tuple[ModelParame
         own.append(_of(kind, name, value, scale, _unit(kind, slot), low))
         held[name] = slot
     return tuple(_with_tolerance(machine, known) for known in _checked(machine, own)), held
+
+
+def chain_parameters(machine: Machine) -> list[ModelParameter]:
+    """Parameters of the measuring chain; the eccentricity's are departures from the configured one."""
+    sensor = machine.sensors.torque
+    first, corner = sensor.low_pass_s, sensor.low_pass_hz
+    if corner and sensor.low_pass_order == 1:
+        first, corner = 1.0 / (2.0 * math.pi * corner), 0.0
+    second = 1.0 / (2.0 * math.pi * corner) if corner else 0.0
+    own = [
+        _of("low_pass", LOW_PASS, first, 1.0, "s", 0.0),
+        _of("low_pass", BUTTERWORTH, second, 1.0, "s", 0.0),
+        _of("high_pass", HIGH_PASS, sensor.high_pass_hz, 1.0, "Hz", 0.0),
+    ]
+    own = [replace(p, tolerance=max(p.tolerance, _CONFIGURED_FILTER * p.nominal)) for p in own]
+    for name in ECCENTRIC:
+        cosine = _of("eccentricity", name, 0.0, 1.0, "rad")
+        own += [cosine, replace(cosine, name=f"{name}.sine", leader=name)]
+    return own
+
+
+def uncertain_ripple(
+    ripple: Ripple, torque_Nm: FloatArray, inertia_kgm2: float, speed_rad_s: float, working_torque_Nm: float
+) -> tuple[tuple[ModelParameter, ...], float]:
+    """Parameters of the orders of the shaft's ripple that the encoder leaves uncertain and the torque feels.
+
+    A ripple is no larger than the torque of its order can accelerate the shaft, twice over; where the orders that the
+    encoder resolves follow the torque less, as under a controller of the speed, the others do, too. No order departs:
+    its tolerance is all that is known of it.
+
+    Args:
+        ripple: of the motion.
+        torque_Nm: (k,) amplitude of the machine's torque at constant speed by order.
+        inertia_kgm2: mean inertia of the shaft. speed_rad_s: working speed. working_torque_Nm: scale of the torque.
+
+    Returns:
+        The parameters, and the root mean square of the torque that all uncertain orders make [N m].
+    """
+    order = np.arange(1, ripple.sigma_rad.size + 1)
+    stiffness, torque = (
+        inertia_kgm2 * (order * speed_rad_s) ** 2,
+        torque_Nm[: order.size],
+    )  # stiffness: torque per angle
+    resolved = stiffness * ripple.sigma_rad < _RESOLVED * torque
+    power = float(np.sum(torque[resolved] ** 2))
+    follows = math.sqrt(float(np.sum((inertia_kgm2 * ripple.swing_rad_s2[resolved]) ** 2)) / power) if power else 1.0
+    sigma = np.minimum(ripple.sigma_rad, 2.0 * min(follows, 1.0) * torque / stiffness)
+    felt = stiffness * sigma
+    chosen = [k for k in np.argsort(-felt)[:_MOST_RIPPLE].tolist() if felt[k] > _FELT * working_torque_Nm]
+    out = []
+    for k in sorted(chosen):
+        size = float(sigma[k])
+        for name in (f"{MOTION}{order[k]}", f"{MOTION}{order[k]}{OF_LOAD}"):
+            cosine = ModelParameter(name, "motion", 0.0, size, size, size, 0.0, math.inf, "rad")
+            out += [cosine, replace(cosine, name=f"{name}.sine", leader=name)]
+    return tuple(out), float(np.sqrt(np.sum(felt**2)))
 
 
 def _checked(machine: Machine, known: list[ModelParameter]) -> list[ModelParameter]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -31,6 +31,19 @@ class Standstill:
 
 
 @dataclass(frozen=True)
+class Ripple:
+    """Ripple of the estimated motion by order of the turn, from 1 on; empty where it is unknown.
+
+    Attributes:
+        sigma_rad: (k,) standard deviation of its amplitude in the angle that the encoder's readings leave.
+        swing_rad_s2: (k,) amplitude of the estimated acceleration.
+    """
+
+    sigma_rad: FloatArray = field(default_factory=lambda: np.empty(0))
+    swing_rad_s2: FloatArray = field(default_factory=lambda: np.empty(0))
+
+
+@dataclass(frozen=True)
 class Record:
     """Torque samples (m,) of the turning shaft beside its motion.
 
@@ -43,6 +56,8 @@ class Record:
         one_speed: true if whole turns have such similar speeds that a delay looks like a zero of the encoder.
         speed_controlled: true if the torque falls as the speed rises, so that a delay looks like an inertia.
         block_s: width of the block averages of residuals; 0: each sample counts by itself.
+        shaft_per_encoder: turns of the motion's angle in a turn of the encoder.
+        ripple: of the motion, and its uncertainty.
     """
 
     time_s: FloatArray
@@ -55,6 +70,8 @@ class Record:
     one_speed: bool = False
     speed_controlled: bool = False
     block_s: float = 0.0
+    shaft_per_encoder: float = 1.0
+    ripple: Ripple = field(default_factory=lambda: Ripple())
 
     def thinned(self, most: int) -> Record:
         """Return a copy with at most `most` samples, each by itself."""

@@ -12,9 +12,12 @@ from textile_twin_core.inference.map_fit import Fit, wide_fit
 from textile_twin_core.inference.measurement import Hypothesis, Measurement
 from textile_twin_core.inference.parameter import (
     BESIDE,
+    BUTTERWORTH,
     DELAY,
     GAIN,
     HELD,
+    HIGH_PASS,
+    LOW_PASS,
     ROTOR,
     SENSORS,
     ZERO,
@@ -44,6 +47,10 @@ _BESIDE_ZERO = 0.8
 """Share of the residual below which a delay beside the zero counts: in few turns the changes of speed show it."""
 GAINS = 0.2, 20.0
 """Gains of the torque sensor, beside its unit, from which a fit may start."""
+_BLOCKING_HZ = 0.3
+"""Corner from which the fit of a high pass starts that the file does not have."""
+GROUP_DELAY = {LOW_PASS: 1.0, BUTTERWORTH: math.sqrt(2.0)}
+"""Delay of a low pass at low frequencies, over its time constant."""
 _Scaled = tuple[float, float]
 """Gain of the torque sensor, and added inertia [kg m2]."""
 _TELLING = 10.0
@@ -55,6 +62,7 @@ def hypotheses(measurement: Measurement, configured: Hypothesis, ratios: tuple[f
     free = {p.name for p in measurement.parameters if p.name in (*SENSORS, *BESIDE, HELD) or p.kind == "force"}
     if measurement.record.one_speed and measurement.model.depends_on_angle():
         free -= {DELAY}  # which is a zero there
+    free |= configured.filters
     coarse = measurement
     if (
         not measurement.record.block_s
@@ -72,6 +80,8 @@ def hypotheses(measurement: Measurement, configured: Hypothesis, ratios: tuple[f
         x = measurement.nominal.copy()
         x[measurement.place[ZERO]] = np.remainder(zero + np.pi, TURN) - np.pi
         x[measurement.place[DELAY]] = delay
+        if HIGH_PASS in configured.filters:
+            x[measurement.place[HIGH_PASS]] = measurement.nominal[measurement.place[HIGH_PASS]] or _BLOCKING_HZ
         x[measurement.place[GAIN]] = gain_value(min(max(abs(factor / near.gain), low), high))
         x[measurement.place[ROTOR]] = max(inertia, 0.0)
         fit = wide_fit(coarse, hypothesis, x, free, free=free)
@@ -174,7 +184,13 @@ class _Scan:
     def __init__(self, measurement: Measurement, hypothesis: Hypothesis, delay_s: float) -> None:
         self._model, self._values = measurement.model, measurement.values(measurement.nominal)
         self._table = measurement.model.table(self._values)
-        theta, omega, alpha, good = measurement.states(hypothesis, hypothesis.delay_s + delay_s, 0.0, 0.0)
+        # low passes act as a delay here, a high pass as an unknown offset
+        late = delay_s + sum(
+            lag * self._values[name] for name, lag in GROUP_DELAY.items() if name in hypothesis.filters
+        )
+        self._offset = HIGH_PASS in hypothesis.filters
+        plain = replace(hypothesis, filters=frozenset())
+        theta, omega, alpha, good = measurement.states(plain, self._values, late_s=late)[0]
         self._state = theta[good], omega[good], alpha[good]
         self._shown = measurement.record.torque_Nm[good] - hypothesis.offset_Nm
         self._forces = [p.name for p in measurement.parameters if p.kind == "force"]
@@ -186,6 +202,8 @@ class _Scan:
             self._values, (theta - zero_rad, omega, alpha), self._table, bool(self._forces), only_forces=True
         )
         columns = [found.torque_Nm, np.sign(omega), alpha, *(found.slopes[name] for name in self._forces)]
+        if self._offset:
+            columns.append(np.ones_like(theta))
         matrix: FloatArray = np.stack(columns, 1)
         normal = matrix.T @ matrix
         normal[np.diag_indices_from(normal)] *= 1.0 + 1e-8

@@ -36,7 +36,7 @@ _STEP = 1e-3
 """Step of the numerical slopes, as a share of a departure's standard deviation."""
 _MOVED = 0.05
 """Move in standard deviations of a departure above which the tables are evaluated again."""
-_SPREAD_RAD = 0.03
+SPREAD_RAD = 0.03
 """Shaft angle over which a step of the load is smeared, so that the model has slopes there."""
 _BESIDE = 1e-6
 _ROUNDING = 1e-9
@@ -46,11 +46,18 @@ INERTIA, SQUARE, WEIGHT, DRY, DAMPING = range(5)
 
 @dataclass(frozen=True)
 class Torque:
-    """Torque (m,) [N m]; slopes (m,) by parameter; variance (m,) of samples whose side of a step is uncertain."""
+    """Torque at states.
+
+    Attributes:
+        torque_Nm: (m,). variance: (m,) of samples whose side of a step is uncertain.
+        slopes: (m,) by parameter. by_omega, by_alpha: (m,) slopes by the shaft's speed and acceleration.
+    """
 
     torque_Nm: FloatArray
     slopes: dict[str, Any]
     variance: FloatArray
+    by_omega: FloatArray
+    by_alpha: FloatArray
 
 
 class TabulatedTorque:
@@ -112,6 +119,15 @@ class TabulatedTorque:
                 found.add(p.name)
         return frozenset(found)
 
+    def torque_orders(self, speed_rad_s: float) -> FloatArray:
+        """Amplitude of the torque at constant speed by order of the turn, from 1 on [N m]."""
+        if not self.turns_fully:
+            return np.zeros(_NODES // 2)
+        speed = np.full(_NODES, speed_rad_s)
+        values = {p.name: p.nominal for p in self.parameters}
+        torque = self.torque(values, (self._theta, speed, np.zeros(_NODES)), self._table).torque_Nm
+        return np.asarray(2.0 * np.abs(np.fft.rfft(np.nan_to_num(torque)))[1:] / _NODES)
+
     def depends_on_angle(self) -> bool:
         """True if the torque depends on the shaft angle; without a linkage it does not."""
         w = self._speed
@@ -159,7 +175,7 @@ class TabulatedTorque:
         slopes: bool = False,
         way: FloatArray | None = None,
         only_forces: bool = False,
-        spread_rad: float = _SPREAD_RAD,
+        spread_rad: float = SPREAD_RAD,
     ) -> Torque:
         """Torque at states (theta, omega, alpha), each (m,).
 
@@ -211,7 +227,8 @@ class TabulatedTorque:
         if slopes and self.tabulated and not only_forces:
             found = self._chain(factors, place, share)
             out |= {p.name: found[:, k] for k, p in enumerate(self.tabulated)}
-        return Torque(torque, out, variance)
+        by_omega = 2.0 * square * omega + damping + values[VISCOUS]
+        return Torque(torque, out, variance, by_omega, inertia + values[ROTOR])
 
     def _beside_steps(self, rows: list[Any], sign: FloatArray, omega: FloatArray, spread_rad: float) -> Any:
         """Variance (m,) of samples beside a step of a force curve, whose side is uncertain."""

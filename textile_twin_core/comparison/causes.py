@@ -1,22 +1,28 @@
-"""Verdict in words: faults of a record or its machine file, and the estimate of each quantity."""
+"""Causes of the verdict: one table of departures with their words, and the estimate of each quantity."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from textile_twin_core.comparison.judged import Judged
 from textile_twin_core.comparison.readings import AngleUnit, shown_turn
+from textile_twin_core.comparison.torque_readings import TimeLine
 from textile_twin_core.comparison.uncertainty import with_sigma
 from textile_twin_core.inference.parameter import (
+    BUTTERWORTH,
     COULOMB,
     DELAY,
     DRIFT,
+    ECCENTRIC,
+    ECCENTRICITY,
     GAIN,
     HELD,
+    HIGH_PASS,
+    LOW_PASS,
     OFFSET,
     ROTOR,
     VISCOUS,
@@ -25,9 +31,6 @@ from textile_twin_core.inference.parameter import (
 )
 from textile_twin_core.inference.posterior import IMPLAUSIBLE_NATS
 from textile_twin_core.inference.torque_units import nearest_gain
-
-if TYPE_CHECKING:
-    from textile_twin_core.comparison.assessment import Judged
 
 FEWEST_ANGLES = 16.0
 """Fewest angle samples a turn that resolve the orders with torque."""
@@ -38,6 +41,9 @@ _SAME = 0.05
 """Relative difference within which an offset in another unit equals the configured one."""
 FOLLOWS_NOTHING = 0.5
 """Share of the torque, unexplained by the best function of the angle, above which it follows no machine."""
+_TWO_SIGMA = 1.96
+_LEAST_LINE = 0.005
+"""Amplitude of a line fixed in time, over the working torque, above which it is named."""
 _CERTAIN = 4.0
 """Standard deviations above which friction, and a force within its everyday tolerance, are named."""
 _CAUSES = {
@@ -67,9 +73,10 @@ class Cause:
         sigma: standard deviation of the value given the tolerances of all other numbers, nan without one.
         parameter: dotted path into the machine file, empty if the file has no such number.
         equivalents: paths of parameters that this record does not distinguish from it.
+        unit: of the value where the cause leaves it open: s or Hz of a low pass.
 
     Examples:
-        >>> from textile_twin_core.comparison.verdict import Cause
+        >>> from textile_twin_core.comparison.causes import Cause
         >>> Cause("delay", "the torque lags by 2 ms", 0.002, 4e-5, "sensors.torque.delay_s").value  # [s]
         0.002
     """
@@ -80,6 +87,7 @@ class Cause:
     sigma: float = math.nan
     parameter: str = ""
     equivalents: tuple[str, ...] = ()
+    unit: str = ""
 
 
 @dataclass(frozen=True)
@@ -163,34 +171,91 @@ def _discrete(found: Judged) -> list[Cause]:
 
 
 def _departures(found: Judged) -> list[Cause]:
-    """Reportable departures, the most significant first."""
+    """Reportable departures, in order of the torque that each explains."""
     p, named = found.posterior, list[tuple[float, Cause]]()
+    effects = found.effects_Nm
     for name in sorted(p.departing):
-        away, sigma = p.departure(name), p.sigma(name)
+        away = p.departure(name)
         if name in (ZERO, DELAY) and found.evidence.track.at_one_speed:
             if {ZERO, DELAY} <= p.departing and name == DELAY:
                 continue  # one cause for both
             away = dict(zip((ZERO, DELAY), _at_one_speed(found), strict=True))[name]
         elif name == ZERO:
             away = _zero_departure(found)
+        elif name in ECCENTRIC:
+            away = _amplitude(found, name)
         known = p.parameter(name)
         if name in (COULOMB, VISCOUS, HELD) or abs(away) < known.threshold:
             continue
         if name == OFFSET and _is_offset_in_unit(found):
             continue
-        named.append((abs(away) / sigma, _ONE.get(name, _of_machine)(found, name)))
+        if name == ECCENTRIC[1] and ECCENTRIC[0] in p.departing:
+            continue  # one cause for both orders
+        named.append((effects.get(name, 0.0), _ONE.get(name, _of_machine)(found, name)))
     # dry and viscous friction may each stay within tolerance where their sum does not
     friction, sigma = _friction_departure(found)
     if abs(friction) > max(p.parameter(COULOMB).threshold, _CERTAIN * sigma):
-        named.append((abs(friction) / sigma, _friction(found)))
+        named.append((abs(friction), _friction(found)))
     for known in p.measurement.parameters:
         # within the tolerance of a force, and still known better than that
         if known.kind == "force" and known.name not in p.departing:
             away, sigma = p.departure(known.name), p.sigma(known.name)
             if abs(away) > max(known.threshold, _CERTAIN * sigma):
-                named.append((abs(away) / sigma, _of_machine(found, known.name)))
+                named.append((effects.get(known.name, 0.0), _of_machine(found, known.name)))
+    lines = [line for line in found.lines if line.amplitude_Nm > _LEAST_LINE * p.measurement.working_torque_Nm]
+    if lines:
+        named.append((lines[0].amplitude_Nm / math.sqrt(2.0), _periodic_noise(lines)))
     named.sort(key=lambda each: -each[0])
     return [cause for _, cause in named]
+
+
+def _amplitude(found: Judged, name: str) -> float:
+    """Amplitude of the error of the angle in one order [rad]."""
+    p = found.posterior
+    return math.hypot(p.value(name), p.value(f"{name}.sine"))
+
+
+def _eccentricity(found: Judged, name: str) -> Cause:
+    p = found.posterior
+    named = max((each for each in ECCENTRIC if each in p.departing), key=lambda each: _amplitude(found, each))
+    size = _amplitude(found, named)
+    pair = named, f"{named}.sine"
+    direction = np.array([p.value(each) for each in pair]) / max(size, 1e-300)
+    sigma = math.sqrt(max(float(direction @ p.covariance(pair) @ direction), 0.0))
+    often = "once" if named == ECCENTRIC[0] else "twice"
+    values = ", ".join(f"[{p.value(each):.5f}, {p.value(f'{each}.sine'):.5f}]" for each in ECCENTRIC)
+    text = (
+        f"the encoder runs out: its angle is off by {math.degrees(size):.2f} +- {math.degrees(sigma):.2f} deg {often} a"
+        f" turn, as by a coupling or a wheel off its centre; eccentricity_rad: [{values}] in the machine file"
+    )
+    return Cause("encoder_eccentricity", text, size, sigma, ECCENTRICITY, _equivalents(found, named)[0])
+
+
+def _low_pass(found: Judged, name: str) -> Cause:
+    p = found.posterior
+    time, sigma = p.value(name), p.sigma(name)
+    more = _equivalents(found, name)[0]
+    if name == LOW_PASS:
+        size = f"{time * 1e3:.2f} +- {sigma * 1e3:.2g} ms"
+        text = f"the torque is filtered: low pass of the first order, time constant {size}"
+        return Cause("torque_low_pass", text, time, sigma, LOW_PASS, more, "s")
+    corner = 1.0 / (2.0 * math.pi * time)
+    width = corner * sigma / time
+    text = f"the torque is filtered: low pass of the second order (Butterworth) at {corner:.3g} +- {width:.2g} Hz"
+    return Cause("torque_low_pass", text, corner, width, BUTTERWORTH, more, "Hz")
+
+
+def _periodic_noise(lines: Sequence[TimeLine]) -> Cause:
+    listed = ", ".join(f"{line.frequency_hz:.2f} Hz ({line.amplitude_Nm:.2g} N m)" for line in lines)
+    text = f"the torque has noise that is periodic in time, not with the shaft, as mains hum: {listed}; it is left out"
+    return Cause("periodic_noise", text, lines[0].frequency_hz)
+
+
+def _high_pass(found: Judged, name: str) -> Cause:
+    p = found.posterior
+    corner, sigma = p.value(name), p.sigma(name)
+    text = f"the torque's mean is blocked, as by AC coupling: high pass at {corner:.3g} +- {sigma:.2g} Hz"
+    return Cause("torque_high_pass", text, corner, sigma, HIGH_PASS, _equivalents(found, name)[0])
 
 
 def _speed(found: Judged) -> float:
@@ -344,19 +409,10 @@ def _rotor(found: Judged, name: str) -> Cause:
 
 
 def _friction_departure(found: Judged) -> tuple[float, float]:
-    """Departure of the friction at working speed from the configured one, and its standard deviation [N m].
-
-    Of the posterior if its friction departs. Otherwise of the settled values, since dry and viscous friction may each
-    stay within tolerance where their sum does not.
-    """
-    p, speed = found.posterior, abs(_speed(found))
-    if {COULOMB, VISCOUS}.isdisjoint(p.departing):
-        settled = found.settled
-        away = settled.departure(COULOMB) + speed * settled.departure(VISCOUS)
-        return away, settled.sigma({COULOMB: 1.0, VISCOUS: speed})
-    weights = np.array([1.0, speed])
+    """Departure of the friction at working speed from the configured one, and its standard deviation [N m]."""
+    p, weights = found.posterior, np.array([1.0, abs(_speed(found))])
     sigma = math.sqrt(float(weights @ p.covariance((COULOMB, VISCOUS)) @ weights))
-    return p.departure(COULOMB) + speed * p.departure(VISCOUS), sigma
+    return p.departure(COULOMB) + abs(_speed(found)) * p.departure(VISCOUS), sigma
 
 
 def _friction(found: Judged) -> Cause:
@@ -393,48 +449,48 @@ _ONE: dict[str, Callable[[Judged, str], Cause]] = {
     GAIN: _gain,
     OFFSET: _offset,
     ROTOR: _rotor,
+    **dict.fromkeys(ECCENTRIC, _eccentricity),
+    LOW_PASS: _low_pass,
+    BUTTERWORTH: _low_pass,
+    HIGH_PASS: _high_pass,
 }
+"""Words of each departure of sensors and friction; `_of_machine` has those of the machine's own numbers."""
 
 
 def quantities(found: Judged, verdict: Sequence[Cause]) -> tuple[Quantity, ...]:
-    """Estimates of reportable quantities, with standard deviations given the file's tolerances.
+    """Estimates of reportable quantities from the fit of the verdict, given the file's tolerances.
 
     Quantities named in the verdict are left out.
     """
-    p, settled, s = found.posterior, found.settled, found.settings
-    unit = p.hypothesis.unit
+    p, h = found.posterior, found.posterior.hypothesis
     one_speed, rests = found.evidence.track.at_one_speed, bool(p.measurement.record.standstills)
-    both = "zero and delay are not distinguishable at one speed, a run-up would tell"
+    both = "zero and delay are not distinguishable at one speed, a run-up would resolve it"
+    apart = "known only together with friction, a standstill would resolve it"
 
-    speed = abs(_speed(found))
-    friction = p.parameter(COULOMB).nominal + speed * p.parameter(VISCOUS).nominal
-    friction += settled.departure(COULOMB) + speed * settled.departure(VISCOUS)
-    sigma = settled.sigma({COULOMB: 1.0, VISCOUS: speed})
-    same = "as the file says"
-    apart = f"{same}; not distinguishable from friction, a standstill would tell"
-    zero = f"{math.degrees(_zero_beside(found)):+.3f} +- {math.degrees(settled.sigma(ZERO)):.3f} deg beside the file"
-    rows = [
-        ((ZERO, DELAY) if one_speed else (ZERO,), "encoder zero", f"{zero}: {both if one_speed else same}"),
-        (
-            (ZERO, DELAY) if one_speed else (DELAY,),
-            "torque delay",
-            f"{s.delay_s * 1e3:.2f} +- {settled.sigma(DELAY) * 1e3:.2f} ms: {both if one_speed else same}",
-        ),
-        (
-            (GAIN,),
-            "torque gain",
-            f"{s.gain:.4g} +- {abs(s.gain) * gain_factor(settled.value(GAIN)) * settled.sigma(GAIN):.2g}: {same}",
-        ),
-        (
-            (OFFSET,),
-            "torque offset",
-            f"{with_sigma(s.offset_Nm, unit * settled.sigma(OFFSET), '+z')} N m: {same if rests else apart}",
-        ),
-        ((COULOMB, VISCOUS), "friction", f"{with_sigma(friction, sigma)} N m at working speed: {same}"),
-    ]
+    def row(names: tuple[str, ...], what: str, value: float, sigma: float, unit: str, file: float, digits: str) -> None:
+        note = "as the file says" if abs(value - file) <= _TWO_SIGMA * sigma else f"{file:{digits}}{unit} in the file"
+        if one_speed and names[0] in (ZERO, DELAY):
+            note = both
+        elif names == (OFFSET,) and not rests:
+            note = apart
+        rows.append((names, what, f"{value:{digits}} +- {sigma:.2g}{unit}: {note}"))
+
+    rows: list[tuple[tuple[str, ...], str, str]] = []
+    beside = (ZERO, DELAY)
+    away, sigma = math.degrees(math.remainder(p.departure(ZERO), 2.0 * math.pi)), math.degrees(p.sigma(ZERO))
+    row(beside if one_speed else (ZERO,), "encoder zero beside the file", away, sigma, " deg", 0.0, "+.3f")
+    late = h.delay_s + p.value(DELAY)
+    delays = (DELAY, ZERO) if one_speed else (DELAY,)
+    row(delays, "torque delay", late * 1e3, p.sigma(DELAY) * 1e3, " ms", p.configured.delay_s * 1e3, ".2f")
+    factor = gain_factor(p.value(GAIN))
+    row((GAIN,), "torque gain", h.gain * factor, abs(h.gain) * factor**2 * p.sigma(GAIN), "", p.configured.gain, ".4g")
+    offset, sigma = h.shown_offset(p.value(OFFSET)), h.unit * p.sigma(OFFSET)
+    row((OFFSET,), "torque offset", offset, sigma, " N m", p.configured.offset_Nm, "+z.3f")
+    file = p.parameter(COULOMB).nominal + abs(_speed(found)) * p.parameter(VISCOUS).nominal
+    away, sigma = _friction_departure(found)
+    row((COULOMB, VISCOUS), "friction at working speed", file + away, sigma, " N m", file, ".3f")
     for known in p.measurement.parameters:
         if known.kind == "force":
-            shown = f"{settled.value(known.name):.4g} +- {settled.sigma(known.name):.2g} N"
-            rows.append(((known.name,), known.name, f"{shown}: {same}"))
+            row((known.name,), known.name, p.value(known.name), p.sigma(known.name), " N", known.nominal, ".4g")
     said = {cause.parameter for cause in verdict}
     return tuple(Quantity(what, text) for names, what, text in rows if said.isdisjoint(names))

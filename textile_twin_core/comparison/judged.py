@@ -1,0 +1,118 @@
+"""A judged record: its posterior, the share of the torque that stays unexplained, and what each departure explains."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.comparison.evidence import Evidence, Settings
+from textile_twin_core.comparison.torque_readings import TimeLine
+from textile_twin_core.inference.parameter import COULOMB, DELAY, DRIFT, GAIN, OFFSET, ROTOR, VISCOUS, ZERO, gain_factor
+from textile_twin_core.inference.posterior import Posterior
+from textile_twin_core.inference.record import MOST_SAMPLES
+from textile_twin_core.inference.settled import Settled, settle, settled_sensors
+
+_SHOWN = 2.0
+"""Standard errors below which a covariance of residuals counts as zero."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A record and its posterior.
+
+    Attributes:
+        evidence: the record. posterior: of the record, by samples or block averages.
+        ratio: of the encoder over the configured one. encoder_turn_rad: shaft angle of a turn of the encoder.
+        explained: share of the torque's variance that the values of the posterior explain, sample by sample.
+        torque_by_speed_Nms: fall of the torque with the speed; where it is not 0, delay and inertia look alike.
+        lines: of the torque, fixed in time, that were taken out of it.
+    """
+
+    evidence: Evidence
+    posterior: Posterior
+    ratio: float
+    encoder_turn_rad: float
+    explained: float
+    torque_by_speed_Nms: float
+    lines: tuple[TimeLine, ...] = ()
+
+    @cached_property
+    def unexplained(self) -> float:
+        """Share of the torque's variance that stays unexplained, without the noise of single samples.
+
+        Noise is independent between samples, so the covariance of neighbouring residuals counts; means over a turn
+        overlap, so there it is that of every other one. If the machine explains less than its departures from
+        nominal cost, noise is no excuse and the whole unexplained share counts.
+        """
+        p = self.posterior
+        m = p.measurement
+        m.model.linearise(m.values(p.fit.x), p.departing)
+        residual, good = m.residual(p.hypothesis, p.fit.x)
+        means, good = m.means(np.column_stack([residual, m.record.torque_Nm]), good)
+        square, variance = float(np.mean(means[good, 0] ** 2)), max(float(np.var(means[good, 1])), 1e-300)
+        if not 0.5 * np.count_nonzero(good) * math.log(variance / max(square, 1e-300)) > p.surprise:
+            return square / variance
+        if self.whole_turns:
+            product = (means[:-2, 0] * means[2:, 0])[good[:-2] & good[2:]]
+        else:
+            turning = self.evidence.thinned(self.evidence.time_s.size)
+            first = np.unique(np.linspace(0, turning.time_s.size - 2, MOST_SAMPLES // 2).astype(np.int64))
+            k = np.concatenate([first, first + 1])
+            record = replace(m.record, time_s=turning.time_s[k], torque_Nm=turning.torque_Nm[k], block_s=0.0)
+            residual, good = m.on(record).residual(p.hypothesis, p.fit.x)
+            (one, other), both = residual.reshape(2, -1), good.reshape(2, -1).all(0)
+            product, variance = (one * other)[both], max(float(np.var(turning.torque_Nm[first])), 1e-300)
+        if not product.size:
+            return 1.0
+        shown = float(np.mean(product)) - _SHOWN * float(np.std(product)) / math.sqrt(product.size)
+        return max(shown, 0.0) / variance
+
+    @property
+    def whole_turns(self) -> bool:
+        """True if means over whole turns were fitted: the machine's torque does not depend on the angle."""
+        return not self.posterior.measurement.model.depends_on_angle()
+
+    @cached_property
+    def settled(self) -> Settled:
+        """Estimates of sensors and friction, given the machine file and its tolerances."""
+        return settle(self.posterior, settled_sensors(self.posterior, self.evidence.turns_in_both_directions()))
+
+    @cached_property
+    def settings(self) -> Settings:
+        """The settled values as settings of the record's evidence."""
+        p, found = self.settled, self.posterior.hypothesis
+        of_file = self.posterior.measurement.parameters
+        loads = [p.value(known.name) / known.nominal for known in of_file if known.kind == "force"]
+        return Settings(
+            direction=1 if found.turn > 0.0 else -1,
+            ratio=abs(found.turn),
+            zero_rad=found.zero_rad + p.value(ZERO),
+            gain=found.gain * gain_factor(p.value(GAIN)),
+            offset_Nm=found.shown_offset(p.value(OFFSET)),
+            delay_s=found.delay_s + p.value(DELAY),
+            drift=p.value(DRIFT),
+            load=loads[0] if loads else 1.0,
+            constant_Nm=p.departure(COULOMB),
+            viscous_Nms=p.departure(VISCOUS),
+            inertia_kgm2=p.departure(ROTOR),
+        )
+
+    @cached_property
+    def effects_Nm(self) -> dict[str, float]:
+        """Root mean square [N m] of the torque that each departure explains, at the fit; a group under its leader."""
+        p = self.posterior
+        m = p.measurement
+        m.model.linearise(m.values(p.fit.x), p.departing)
+        seen = m.expected(p.hypothesis, p.fit.x, slopes=True)
+        assert seen.slopes is not None
+        away = p.fit.x - m.nominal
+        out: dict[str, FloatArray] = {}
+        for k, known in enumerate(m.parameters):
+            if away[k]:
+                name = known.leader or known.name
+                out[name] = out.get(name, 0.0) + seen.slopes[seen.good, k] * away[k]
+        return {name: float(np.sqrt(np.mean(torque**2))) for name, torque in out.items()}
