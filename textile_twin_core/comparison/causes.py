@@ -473,7 +473,8 @@ def quantities(found: Judged, verdict: Sequence[Cause]) -> tuple[Quantity, ...]:
             note = both
         elif names == (OFFSET,) and not rests:
             note = apart
-        rows.append((names, what, f"{value:{digits}} +- {sigma:.2g}{unit}: {note}"))
+        shown = f"{value:{digits}} +- {sigma:.2g}" if unit != " N m" else with_sigma(value, sigma, "+z")
+        rows.append((names, what, f"{shown}{unit}: {note}"))
 
     rows: list[tuple[tuple[str, ...], str, str]] = []
     beside = (ZERO, DELAY)
