@@ -157,10 +157,12 @@ def calibrate(readings: Readings, machine: Machine, begin: Begin = unheard) -> C
     s = found.settings
     configured, hypothesis = hypothesis_of(machine), found.posterior.hypothesis
     turned = s.direction * machine.sensors.encoder.ratio * found.ratio
-    written = frozenset(_CONTINUOUS)
+    m = found.posterior.measurement
+    chain = frozenset(m.departing_chain(found.posterior.departing))
+    written = chain.union(_CONTINUOUS)
     before, after, beside = _rms(found, configured), _rms(found, None, written), _rms(found, None)
     if not after <= before:  # estimates within their intervals fit beside friction and loads that the file has not
-        written = found.posterior.departing.intersection(_CONTINUOUS)
+        written = chain | found.posterior.departing.intersection(_CONTINUOUS)
         after = _rms(found, None, written)
     mirrored = hypothesis.turn * configured.turn < 0.0 or s.gain * configured.gain < 0.0
     if (mirrored or found.ratio != 1.0) and after > _MOST_LEFT * before:
@@ -185,6 +187,7 @@ def calibrate(readings: Readings, machine: Machine, begin: Begin = unheard) -> C
     delay = widened(_estimate(found, DELAY, hypothesis.delay_s, written=written), readings.stamped)
     encoder = replace(machine.sensors.encoder, zero_rad=zero.value, direction=s.direction, ratio=abs(turned))
     sensor = replace(machine.sensors.torque, gain=gain_now, offset_Nm=offset.value, delay_s=delay.value)
+    own = replace(machine.sensors, encoder=encoder, torque=sensor)
     given = {
         "zero_rad": _given_file(found, ZERO, hypothesis.zero_rad).scaled(1.0 / turned),
         "torque.gain": _gain(found, given_file=True).scaled(1.0 / near.gain),
@@ -208,7 +211,7 @@ def calibrate(readings: Readings, machine: Machine, begin: Begin = unheard) -> C
         rms_after_Nm=after,
         rms_beside_Nm=beside,
         assessment=assessment,
-        machine=replace(machine, sensors=replace(machine.sensors, encoder=encoder, torque=sensor)),
+        machine=replace(machine, sensors=m.chain_sensors(own, found.settled.tolerant.x, chain)),
     )
 
 

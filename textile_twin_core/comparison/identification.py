@@ -137,9 +137,11 @@ def identify(readings: Readings, machine: Machine, begin: Begin = unheard) -> Id
     begin("fitting", _FITTED)
     candidates, hypothesis = Candidates(machine), found.posterior.hypothesis
     speed_controlled, whole_turns = bool(found.torque_by_speed_Nms), found.whole_turns
-    record = record_of(found.evidence, speed_controlled, whole_turns, most=_ALL_SAMPLES)
+    evidence = found.evidence.in_runs() if hypothesis.filters else found.evidence
+    record = record_of(evidence, speed_controlled, whole_turns, most=_ALL_SAMPLES)
     m = candidates.measurement(found.posterior.measurement, record)
-    nuisance = found.posterior.departing & {DRIFT, HELD}
+    departing = found.posterior.departing
+    nuisance = {*departing.intersection({DRIFT, HELD}), *m.departing_chain(departing)}
     start = m.nominal.copy()
     for name in (*candidates.public, *nuisance):
         if name in m.place:
@@ -147,7 +149,7 @@ def identify(readings: Readings, machine: Machine, begin: Begin = unheard) -> Id
     free, lost = _identifiable(m, candidates, found, start)
     for name in set(candidates.public).intersection(m.names).difference(free):
         start[m.place[name]] = m.nominal[m.place[name]]
-    samples = m.on(record_of(found.evidence, most=_ALL_SAMPLES))
+    samples = m.on(record_of(evidence, most=_ALL_SAMPLES))
     clean = None if record.block_s else _clean_motion(readings, machine, found)
     smooth = {*free, *nuisance}.difference(candidates.planes)
     events = dict[str, EventAngle]()
@@ -188,7 +190,7 @@ def identify(readings: Readings, machine: Machine, begin: Begin = unheard) -> Id
         rms_before_Nm=float(np.sqrt(np.mean(before[good] ** 2))),
         rms_after_Nm=float(np.sqrt(np.mean(after[good] ** 2))),
         unmodelled=torque,
-        machine=candidates.machine_with(m, hypothesis, x),
+        machine=candidates.machine_with(m, hypothesis, x, departing),
         notes=(*notes, *(each.text for each in (*lost, *candidates.missing))),
     )
 

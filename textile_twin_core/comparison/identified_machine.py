@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
@@ -22,6 +23,7 @@ from textile_twin_core.inference.parameter import (
     DELAY,
     GAIN,
     HELD,
+    OF_CHAIN,
     OFFSET,
     ROTOR,
     SENSORS,
@@ -99,7 +101,7 @@ class Candidates:
         Args:
             whole: measurement with all parameters of the machine. record: the samples to fit.
         """
-        names = {*SENSORS, *BESIDE, HELD, *self._slots}
+        names = {*SENSORS, *BESIDE, HELD, *self._slots, *(p.name for p in whole.parameters if p.kind in OF_CHAIN)}
         wide = (replace(p, departure=_WIDE * p.widest, widest=_WIDE * p.widest) for p in whole.parameters)
         known = tuple(replace(p, low=-np.inf) if p.name == ROTOR else p for p in wide if p.name in names)
         model = TabulatedTorque(self.machine, known, self._slots)
@@ -134,8 +136,10 @@ class Candidates:
             1.0, {DELAY: hypothesis.delay_s, OFFSET: hypothesis.offset_Nm, ROTOR: -parameter.nominal}.get(name, 0.0)
         )
 
-    def machine_with(self, m: Measurement, hypothesis: Hypothesis, x: FloatArray) -> Machine:
-        """Return the machine with the values x: loads, friction, inertia and sensors.
+    def machine_with(
+        self, m: Measurement, hypothesis: Hypothesis, x: FloatArray, departing: Collection[str] = ()
+    ) -> Machine:
+        """Return the machine with the values x: loads, friction, inertia, sensors, and departures of their chain.
 
         A negative added inertia is left out, since no body has one.
         """
@@ -150,9 +154,8 @@ class Candidates:
         encoder = replace(written.sensors.encoder, zero_rad=found[ALWAYS[ZERO]])
         gain, offset, delay = (found[ALWAYS[name]] for name in (GAIN, OFFSET, DELAY))
         sensor = replace(written.sensors.torque, gain=gain, offset_Nm=offset, delay_s=delay)
-        return replace(
-            written, loads=tuple(loads), bodies=bodies, sensors=replace(written.sensors, encoder=encoder, torque=sensor)
-        )
+        sensors = m.chain_sensors(replace(written.sensors, encoder=encoder, torque=sensor), x, departing)
+        return replace(written, loads=tuple(loads), bodies=bodies, sensors=sensors)
 
     def event_angles(self, m: Measurement, x: FloatArray) -> dict[str, float]:
         """Shaft angle at which the needle passes each plane [rad]; a plane that it does not reach is left out."""

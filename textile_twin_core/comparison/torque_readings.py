@@ -90,8 +90,9 @@ def _strongest(time: FloatArray, residual: FloatArray, theta: FloatArray, speed:
         if ratio[peak] < _ABOVE:
             return None
         line = _fitted(time, residual, float(frequency[peak]), 1.0 / (even.size * step))
-        orders = abs(2.0 * math.pi * line.frequency_hz / speed)
-        beside = max(_amplitude(residual, order * theta) for order in (math.floor(orders), math.ceil(orders)))
+        order = round(abs(2.0 * math.pi * line.frequency_hz / speed))
+        # a ripple of the speed spreads an order over its neighbours in time
+        beside = max(_amplitude(residual, k * theta) for k in range(max(order - 2, 1), order + 3))
         if line.amplitude_Nm > _RATHER_TIME * beside:
             return line
     return None

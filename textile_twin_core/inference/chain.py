@@ -60,6 +60,8 @@ class AngleRipple:
             for name in own
         )
         self._of_load = tuple(name.endswith(OF_LOAD) for name in own)
+        # amplitudes of the encoder are in its own angle
+        self._factors = tuple(shaft_per_encoder if name in ECCENTRIC else 1.0 for name in own)
         self._speed = speed_rad_s
         self._cached: list[tuple[FloatArray, list[ComplexArray]]] = []
 
@@ -81,7 +83,10 @@ class AngleRipple:
     def corrected(self, values: Mapping[str, float], state: State) -> State:
         """Return the state (m,) of the record's angle without the errors of these values."""
         theta, omega, alpha = state
-        sizes: list[Any] = [values[cosine] - 1j * values[sine] for cosine, sine in self.names]
+        sizes: list[Any] = [
+            factor * (values[cosine] - 1j * values[sine])
+            for factor, (cosine, sine) in zip(self._factors, self.names, strict=True)
+        ]
         if not any(sizes):
             return state
         slower = self._slower(omega)
@@ -107,9 +112,9 @@ class AngleRipple:
         accelerated, rate_per_order = by_alpha * omega**2, by_omega * omega + by_alpha * alpha
         out = {}
         slower = self._slower(omega) if any(self._of_load) else 1.0
-        rows = zip(self.names, self._orders, self._of_load, self._waves(theta), strict=True)
-        for (cosine, sine), order, of_load, wave in rows:
-            level, rate = order**2 * accelerated - by_theta, order * rate_per_order
+        rows = zip(self.names, self._orders, self._factors, self._of_load, self._waves(theta), strict=True)
+        for (cosine, sine), order, factor, of_load, wave in rows:
+            level, rate = factor * (order**2 * accelerated - by_theta), factor * order * rate_per_order
             if of_load:
                 level, rate = level * slower, rate * slower
             out[cosine] = level * wave.real + rate * wave.imag

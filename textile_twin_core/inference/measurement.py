@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -15,10 +16,12 @@ from textile_twin_core.inference.parameter import (
     BUTTERWORTH,
     DELAY,
     DRIFT,
+    ECCENTRIC,
     GAIN,
     HELD,
     HIGH_PASS,
     LOW_PASS,
+    OF_CHAIN,
     OFFSET,
     ZERO,
     ModelParameter,
@@ -26,6 +29,7 @@ from textile_twin_core.inference.parameter import (
 )
 from textile_twin_core.inference.record import Record
 from textile_twin_core.inference.torque_model import SPREAD_RAD, TabulatedTorque, Torque
+from textile_twin_core.machine.sensors import Sensors
 
 _ZERO_STEP, _DELAY_STEP = 5e-4, 2e-4
 """Steps of the slopes by zero [rad] and delay [s], wide enough to average out the noise of the estimated motion."""
@@ -111,6 +115,29 @@ class Measurement:
     def grid(self) -> EvenGrid:
         """Even grid of time on which the torque is filtered."""
         return EvenGrid(self.record.time_s, self.record.speed_rad_s)
+
+    def departing_chain(self, departing: Collection[str]) -> tuple[str, ...]:
+        """Return the names of the chain's parameters that depart, an order's sine with its cosine."""
+        return tuple(p.name for p in self.parameters if p.kind in OF_CHAIN and p.departs(departing))
+
+    def chain_sensors(self, sensors: Sensors, x: FloatArray, departing: Collection[str]) -> Sensors:
+        """Return sensors with the departures of the measuring chain: eccentricity, low pass and high pass."""
+        v = self.values(x)
+        names = self.departing_chain(departing)
+        torque, encoder = sensors.torque, sensors.encoder
+        if LOW_PASS in names or BUTTERWORTH in names:
+            second = v[BUTTERWORTH] if BUTTERWORTH in names else 0.0
+            corner = 1.0 / (2.0 * math.pi * second) if second else 0.0
+            first = 0.0 if second else v[LOW_PASS]
+            torque = replace(torque, low_pass_s=first, low_pass_hz=corner, low_pass_order=2 if second else 1)
+        if HIGH_PASS in names:
+            torque = replace(torque, high_pass_hz=v[HIGH_PASS])
+        if not set(names).isdisjoint(ECCENTRIC):
+            known = (*encoder.eccentricity_rad, (0.0, 0.0), (0.0, 0.0))[:2]
+            pairs = [(v[name], v[f"{name}.sine"]) for name in ECCENTRIC]
+            moved = tuple((a + c, b + s) for (a, b), (c, s) in zip(known, pairs, strict=True))
+            encoder = replace(encoder, eccentricity_rad=moved)
+        return replace(sensors, encoder=encoder, torque=torque)
 
     def on(self, record: Record) -> Measurement:
         """Return a copy for another record."""

@@ -25,6 +25,8 @@ ECCENTRIC = (f"{ECCENTRICITY}[0]", f"{ECCENTRICITY}[1]")
 """Errors of the encoder once and twice a turn of its own: the cosine's amplitude, which the sine's follows."""
 MOTION = "motion.order"
 """Prefix of the ripple of the shaft's angle that the readings leave uncertain; no number of the file."""
+OF_CHAIN = ("eccentricity", "low_pass", "high_pass")
+"""Kinds of the parameters of the measuring chain beside zero, delay, gain and offset."""
 OF_LOAD = ".load"
 """Suffix of the ripple that loads cause, whose angle is inverse to the squared speed."""
 HELD = "standstill.held_Nm"

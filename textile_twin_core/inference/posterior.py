@@ -159,6 +159,8 @@ def infer(
     measurement = _measurement(record, machine, configured)
     dense_measurement = measurement if dense is None else measurement.on(dense)
     found = _inferred(measurement, configured, ratios)
+    if not measurement.model.depends_on_angle():
+        return found  # means over whole turns show no filter
     if found is None or found.explained < _BLOCKED_MEAN or OFFSET in found.departing:
         # without the mean of the torque no hypothesis of the others need be near
         blocked = replace(configured, filters=configured.filters | {HIGH_PASS})
@@ -268,6 +270,9 @@ def _measurement(record: Record, machine: Machine, configured: Hypothesis) -> Me
     scale = max(float(np.percentile(torque, 95.0)) if torque.size else 0.0, 1e-9)
     inertia = max(model.mean_inertia + sum(b.inertia_kgm2 for b in machine.bodies if b.is_flywheel), 1e-12)
     scaled, _ = parameters(machine, WorkingPoint(scale, speed, inertia))
+    if not model.depends_on_angle():
+        without = tuple(p for p in scaled if p.kind != "eccentricity")
+        return Measurement(measurement.record, model, without, scale)
     orders = model.torque_orders(speed)
     ripple, felt = uncertain_ripple(measurement.record.ripple, orders, inertia, speed, scale)
     return Measurement(measurement.record, model, (*scaled, *ripple), scale, felt)

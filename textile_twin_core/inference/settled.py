@@ -72,13 +72,15 @@ def settle(posterior: Posterior, free: Collection[str]) -> Settled:
         free: names of the parameters.
     """
     m = posterior.measurement
+    # an order's sine is free with its cosine, and the ripple that the encoder leaves uncertain always
+    free = frozenset(p.name for p in m.parameters if p.departs(free) or p.kind == "motion")
     x = m.nominal.copy()
     for name in sorted(free):
         x[m.place[name]] = posterior.value(name)
     hypothesis, inflation, scale = posterior.hypothesis, posterior.fit.inflation, posterior.fit.scale
     exact = map_fit(m, hypothesis, x, free, free=free, inflation=inflation, scale=scale)
     tolerant = map_fit(m, hypothesis, posterior.fit.x, free, inflation=inflation, scale=scale, relinearise=True)
-    return Settled(posterior, frozenset(free), tolerant, exact)
+    return Settled(posterior, free, tolerant, exact)
 
 
 def settled_sensors(posterior: Posterior, both_directions: bool = False) -> frozenset[str]:

@@ -1,0 +1,116 @@
+"""The chain between shaft and log, inferred from recordings of independent equations and filters of scipy."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.campaign import more
+from tests.generators.configured_machine import configured_machine
+from tests.generators.mill_recordings import Case, Encoder, TorqueSensor, healthy, record
+from textile_twin_core.comparison import Assessment, Readings, assess, calibrate
+from textile_twin_core.comparison.torque_readings import fresh_readings, time_lines
+from textile_twin_core.inference.parameter import DELAY, GAIN, ZERO, gain_factor
+
+FORCE = "loads.backing.force_N"
+CHAINS: dict[str, tuple[Encoder, TorqueSensor, str, float]] = {
+    "runs out once": (Encoder(run_out_rad=((0.004, -0.007),)), TorqueSensor(), "encoder_eccentricity", 0.00806),
+    "runs out twice": (
+        Encoder(run_out_rad=((0.0, 0.0), (0.003, 0.004))),
+        TorqueSensor(),
+        "encoder_eccentricity",
+        0.005,
+    ),
+    "low pass": (
+        Encoder(),
+        TorqueSensor(low_pass_hz=1.0 / (2.0 * math.pi * 0.01), low_pass_order=1),
+        "torque_low_pass",
+        0.01,
+    ),
+    "Butterworth": (Encoder(), TorqueSensor(low_pass_hz=22.0, low_pass_order=2), "torque_low_pass", 22.0),
+    "AC coupled": (Encoder(), TorqueSensor(high_pass_hz=0.4), "torque_high_pass", 0.4),
+    "mains hum": (Encoder(), TorqueSensor(hum=(1.0, 50.02)), "periodic_noise", 50.02),
+    "held": (Encoder(), TorqueSensor(hold_hz=50.0), "", 0.0),
+    "stepped": (Encoder(), TorqueSensor(step_Nm=0.5), "", 0.0),
+}
+NO_PART = {"mass", "inertia", "centroid", "length", "spring", "other_machine"}
+
+
+def case_of(chain: str) -> Case:
+    """A tufting machine of another force, with a sensor that is late, read through a chain."""
+    encoder, torque, _, _ = CHAINS[chain]
+    case = healthy("tufting", 921, duration_s=18.0)
+    torque = replace(torque, gain=1.01, delay_s=0.0025)
+    return replace(case, encoder=encoder, torque=torque, backing=replace(case.backing, force_N=1180.0))
+
+
+def judged(case: Case) -> Assessment:
+    made = record(case)
+    return assess(
+        Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque), configured_machine(case)
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "chain",
+    ["runs out once", "low pass", "mains hum", "held", *more("runs out twice", "Butterworth", "AC coupled", "stepped")],
+)
+def test_the_chain_is_named_with_its_value_and_no_part_of_the_machine(chain: str) -> None:
+    found = judged(case_of(chain))
+    named = {cause.cause: cause for cause in found.verdict}
+    _, _, cause, value = CHAINS[chain]
+    assert not NO_PART & set(named)
+    if cause:
+        sigma = named[cause].sigma
+        assert named[cause].value == pytest.approx(value, abs=0.05 if math.isnan(sigma) else 3.5 * sigma)
+    assert found.found is not None
+    p = found.found.posterior
+    for name, departure, true in (
+        (FORCE, p.value(FORCE), 1180.0),
+        (GAIN, gain_factor(p.value(GAIN)), 1.01),
+        (DELAY, p.value(DELAY), 0.0025),
+        (ZERO, p.value(ZERO), 0.0),
+    ):
+        # a drive that holds its reading is late by up to a log's interval
+        allowed = 3.5 * p.sigma(name) + (1e-3 if name == DELAY and chain == "held" else 0.0)
+        assert departure == pytest.approx(true, abs=allowed), name
+
+
+@pytest.mark.slow
+@pytest.mark.campaign
+def test_calibrate_writes_the_chain_into_the_machine_file() -> None:
+    case = case_of("low pass")
+    case = replace(case, encoder=CHAINS["runs out once"][0])
+    made = record(case)
+    readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
+    sensors = calibrate(readings, configured_machine(case)).machine.sensors
+    assert sensors.torque.low_pass_s == pytest.approx(0.01, rel=0.01)
+    assert np.ravel(sensors.encoder.eccentricity_rad)[:2] == pytest.approx([0.004, -0.007], abs=3e-3)
+    again = assess(readings, replace(configured_machine(case), sensors=sensors))
+    assert not {"torque_low_pass", "encoder_eccentricity", "delay"} & {cause.cause for cause in again.verdict}
+
+
+def test_a_healthy_torque_has_no_slower_clock_and_a_coarse_one_neither() -> None:
+    rng = np.random.default_rng(3)
+    time = np.arange(5000) / 500.0
+    torque = 10.0 * np.sin(16.8 * time) + 0.05 * rng.standard_normal(time.size)
+    assert fresh_readings(time, torque).all()
+    assert fresh_readings(time, np.rint(torque / 0.5) * 0.5).all()
+    held = torque[(np.arange(time.size) // 10) * 10]
+    assert np.count_nonzero(fresh_readings(time, held)) == time.size // 10
+
+
+def test_a_line_in_time_differs_from_a_torque_that_follows_the_shaft() -> None:
+    rng = np.random.default_rng(4)
+    time = np.sort(np.arange(12000) / 500.0)[rng.random(12000) > 0.02]
+    theta = 16.8 * time + 0.01 * np.sin(16.8 * time)
+    noise = 0.08 * rng.standard_normal(time.size)
+    (line,) = time_lines(time, noise + 0.3 * np.sin(2.0 * math.pi * 50.02 * time + 0.4), theta, 16.8)
+    assert line.frequency_hz == pytest.approx(50.02, abs=2e-3)
+    assert line.amplitude_Nm == pytest.approx(0.3, rel=0.03)
+    assert time_lines(time, noise + 0.3 * np.cos(19.0 * theta), theta, 16.8) == ()
+    assert time_lines(time, noise, theta, 16.8) == ()
