@@ -124,13 +124,14 @@ class Evidence:
         return replace(self, time_s=self.time_s[turning], torque_Nm=self.torque_Nm[turning])
 
     def in_runs(self) -> Evidence:
-        """Take samples in a few runs over the whole record, in which a torque can be filtered over time."""
-        first, last = float(self.time_s[0]), float(self.time_s[-1])
-        if last - first <= _RUNS * _RUN_S:
+        """Take samples in a few runs over the time at which the shaft turns, in which torque is filtered over time."""
+        _, omega, _, good = self.track.at(self.time_s)
+        turning = self.time_s[good & (np.abs(omega) > self.slow_rad_s)]
+        if turning.size < _RUNS or self.time_s[-1] - self.time_s[0] <= _RUNS * _RUN_S:
             return self
-        starts = np.linspace(first, last - _RUN_S, _RUNS)
         inside = np.zeros(self.time_s.size, np.bool_)
-        for start in starts.tolist():
+        for k in range(_RUNS):
+            start = float(turning[k * turning.size // _RUNS])
             inside |= (self.time_s >= start) & (self.time_s <= start + _RUN_S)
         return replace(self, time_s=self.time_s[inside], torque_Nm=self.torque_Nm[inside])
 

@@ -240,6 +240,8 @@ class CurvedTorque(TabulatedTorque):
         place: of the law. speed_rad_s: shaft speed at which the forces hold.
     """
 
+    coarse_rad = _COARSE_RAD
+
     def __init__(
         self,
         machine: Machine,

@@ -28,7 +28,7 @@ from textile_twin_core.inference.parameter import (
     gain_factor,
 )
 from textile_twin_core.inference.record import Record
-from textile_twin_core.inference.torque_model import SPREAD_RAD, TabulatedTorque, Torque
+from textile_twin_core.inference.torque_model import TabulatedTorque, Torque
 from textile_twin_core.machine.sensors import Sensors
 
 _ZERO_STEP, _DELAY_STEP = 5e-4, 2e-4
@@ -200,7 +200,7 @@ class Measurement:
     def spread_rad(self, hypothesis: Hypothesis) -> float:
         """Shaft angle over which a step of the load is smeared; a filter smears it by itself."""
         if not hypothesis.filters:
-            return SPREAD_RAD
+            return self.model.coarse_rad
         return GRID_SPREAD * self.grid.period_s * abs(hypothesis.turn * self.record.speed_rad_s)
 
     def _slopes(

@@ -69,6 +69,9 @@ class TabulatedTorque:
         slots: of the parameters in the machine's declaration.
     """
 
+    coarse_rad = SPREAD_RAD
+    """Shaft angle over which a step of the load is smeared in a fit."""
+
     def __init__(self, machine: Machine, parameters: Sequence[ModelParameter], slots: Mapping[str, Slot]) -> None:
         self.machine, self.parameters = machine, tuple(parameters)
         self._slots = dict(slots)
