@@ -21,7 +21,7 @@ from textile_twin_core.comparison.causes import Cause
 from textile_twin_core.comparison.fault_watch import Alarm
 from textile_twin_core.files.machine_file import load_machine_file as load_machine
 from textile_twin_core.fmu.symbolic_machine import symbolic_machine
-from textile_twin_core.inference.parameter import BESIDE, HELD, OF_CHAIN, SENSORS
+from textile_twin_core.inference.parameter import BESIDE, ECCENTRICITY, HELD, OF_CHAIN, SENSORS
 from textile_twin_core.inference.priors import WorkingPoint
 from textile_twin_core.inference.priors import parameters as parameters_of
 from textile_twin_core.machine import Machine
@@ -290,8 +290,14 @@ def test_a_path_of_the_page_names_a_number_and_every_number_has_such_a_path() ->
     assert isinstance(machine, Machine)
     declared = {slot.path for slot in slots(machine)}
     all_known = parameters_of(machine, WorkingPoint(10.0, 20.0, 0.1))[0]
-    known = {parameter.name for parameter in all_known}
-    beside = {*SENSORS, *BESIDE, HELD, *(parameter.name for parameter in all_known if parameter.kind in OF_CHAIN)}
+    known = {parameter.name for parameter in all_known} | {ECCENTRICITY}
+    beside = {
+        *SENSORS,
+        *BESIDE,
+        HELD,
+        ECCENTRICITY,
+        *(parameter.name for parameter in all_known if parameter.kind in OF_CHAIN),
+    }
     assert known - beside <= declared and {"loads.joint_friction.torque_Nm", "groups.l3.length_m"} <= known
     exported = symbolic_machine(machine, lambda each: [each.model.output("balancing_torque_Nm")]).parameters
     assert {path for path in exported if "[" not in path} <= declared
