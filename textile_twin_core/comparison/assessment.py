@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.comparison.causes import NOT_THIS_MACHINE, Cause, Quantity, causes, quantities
+from textile_twin_core.comparison.causes import NOT_THIS_MACHINE, Cause, Quantity, burst_verdict, causes, quantities
 from textile_twin_core.comparison.elastic_hypothesis import RIGID_NOTE, elastic_cause, elastic_hypothesis
 from textile_twin_core.comparison.evidence import REST_SHARE, Evidence, Settings, best_periodic
 from textile_twin_core.comparison.force_law import ForceLawCause, explained_by_force_law
@@ -19,7 +19,6 @@ from textile_twin_core.comparison.readings import FEWEST_TURNS, AngleUnit, Readi
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack, shaft_track
 from textile_twin_core.comparison.slips import parts_between, slips_of, without_turns
 from textile_twin_core.comparison.speed_control import torque_by_speed
-from textile_twin_core.comparison.stamp_timing import burst_verdict
 from textile_twin_core.comparison.standstill import standstills
 from textile_twin_core.comparison.torque_readings import TimeLine, fresh_readings, time_lines
 from textile_twin_core.comparison.torque_terms import TorqueTerms

@@ -10,6 +10,7 @@ import numpy as np
 
 from textile_twin_core.comparison.judged import Judged
 from textile_twin_core.comparison.readings import AngleUnit, shown_turn
+from textile_twin_core.comparison.stamp_timing import StampTiming
 from textile_twin_core.comparison.torque_readings import TimeLine
 from textile_twin_core.comparison.uncertainty import with_sigma
 from textile_twin_core.inference.parameter import (
@@ -41,6 +42,20 @@ _SAME = 0.05
 """Relative difference within which an offset in another unit equals the configured one."""
 FOLLOWS_NOTHING = 0.5
 """Share of the torque, unexplained by the best function of the angle, above which it follows no machine."""
+NOT_JUDGED = frozenset(
+    (
+        "encoder_zero",
+        "encoder_direction",
+        "encoder_ratio",
+        "angle_rate",
+        "torque_sign",
+        "delay",
+        "zero_or_delay",
+        "clocks_drift",
+        "other_machine",
+    )
+)
+"""Causes that wrong times may imitate."""
 _TWO_SIGMA = 1.96
 _LEAST_LINE = 0.005
 """Amplitude of a line fixed in time, over the working torque, above which it is named."""
@@ -455,6 +470,16 @@ _ONE: dict[str, Callable[[Judged, str], Cause]] = {
     HIGH_PASS: _high_pass,
 }
 """Words of each departure of sensors and friction; `_of_machine` has those of the machine's own numbers."""
+
+
+def burst_verdict(timings: Sequence[StampTiming], causes: Sequence[Cause]) -> tuple[Cause, ...]:
+    """Return the verdict with stamps in bursts first, and without the causes that wrong times may imitate."""
+    if not timings:
+        return tuple(causes)
+    text = "; ".join(timing.text for timing in timings)
+    advice = "; stamp samples where they are taken. Direction, sign, zero, delay and machine are not judged"
+    first = Cause("stamps_in_bursts", text + advice, max(timing.bursts.period_s for timing in timings))
+    return (first, *(cause for cause in causes if cause.cause not in NOT_JUDGED))
 
 
 def quantities(found: Judged, verdict: Sequence[Cause]) -> tuple[Quantity, ...]:

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.comparison.shaft_track import TURN
+from textile_twin_core.comparison.stamp_timing import StampTiming
 from textile_twin_core.errors import RecordingError
-
-if TYPE_CHECKING:
-    from textile_twin_core.comparison.stamp_timing import StampTiming
 
 FEWEST_TURNS = 1.0
 """Fewest turns of the shaft that determine any setting."""

@@ -1,4 +1,4 @@
-"""Uncertainty due to stamps in bursts: the cause in the verdict, and the wider interval of the delay."""
+"""Uncertainty due to stamps in bursts: the wider interval of the delay."""
 
 from __future__ import annotations
 
@@ -6,27 +6,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from textile_twin_core.comparison.causes import Cause
 from textile_twin_core.comparison.delay import SensorFit
 from textile_twin_core.comparison.uncertainty import Estimate
 from textile_twin_core.shaft.sample_clock import StampBursts
 
 MOST_HALF_WIDTH_S = 3e-4
 """Half the width of the delay's interval above which a delay is not stated."""
-NOT_JUDGED = frozenset(
-    (
-        "encoder_zero",
-        "encoder_direction",
-        "encoder_ratio",
-        "angle_rate",
-        "torque_sign",
-        "delay",
-        "zero_or_delay",
-        "clocks_drift",
-        "other_machine",
-    )
-)
-"""Causes that wrong times may imitate."""
 _TWO_SIGMA = 1.96
 
 
@@ -59,16 +44,6 @@ class StampTiming:
 def half_width(timings: Sequence[StampTiming]) -> float:
     """Half the width of the delay's interval due to the offsets of angle and torque [s]."""
     return sum(timing.half_width_s for timing in timings)
-
-
-def burst_verdict(timings: Sequence[StampTiming], causes: Sequence[Cause]) -> tuple[Cause, ...]:
-    """Return the verdict with stamps in bursts first, and without the causes that wrong times may imitate."""
-    if not timings:
-        return tuple(causes)
-    text = "; ".join(timing.text for timing in timings)
-    advice = "; stamp samples where they are taken. Direction, sign, zero, delay and machine are not judged"
-    first = Cause("stamps_in_bursts", text + advice, max(timing.bursts.period_s for timing in timings))
-    return (first, *(cause for cause in causes if cause.cause not in NOT_JUDGED))
 
 
 def widened_fit(fit: SensorFit, timings: Sequence[StampTiming]) -> tuple[SensorFit, tuple[str, ...]]:
