@@ -208,7 +208,7 @@ def _departures(found: Judged) -> list[Cause]:
             continue  # one cause for both orders
         named.append((effects.get(name, 0.0), _ONE.get(name, _of_machine)(found, name)))
     # dry and viscous friction may each stay within tolerance where their sum does not
-    friction, sigma = _friction_departure(found)
+    friction, sigma = _friction_departure(found, _with_offset(found))
     if abs(friction) > max(p.parameter(COULOMB).threshold, _CERTAIN * sigma):
         named.append((abs(friction), _friction(found)))
     for known in p.measurement.parameters:
@@ -423,19 +423,34 @@ def _rotor(found: Judged, name: str) -> Cause:
     return Cause("unmodelled_inertia", text, away, sigma, ROTOR, p.equivalents(ROTOR))
 
 
-def _friction_departure(found: Judged) -> tuple[float, float]:
-    """Departure of the friction at working speed from the configured one, and its standard deviation [N m]."""
-    p, weights = found.posterior, np.array([1.0, abs(_speed(found))])
-    sigma = math.sqrt(float(weights @ p.covariance((COULOMB, VISCOUS)) @ weights))
-    return p.departure(COULOMB) + abs(_speed(found)) * p.departure(VISCOUS), sigma
+def _with_offset(found: Judged) -> bool:
+    """True if the record determines only the sum of friction and the torque sensor's offset."""
+    p = found.posterior
+    return not (p.measurement.record.standstills or found.evidence.turns_in_both_directions() or OFFSET in p.departing)
+
+
+def _friction_departure(found: Judged, with_offset: bool = False) -> tuple[float, float]:
+    """Departure of the friction at working speed from the configured one, and its standard deviation [N m].
+
+    With the offset it is that of their sum, as if the offset were as configured.
+    """
+    p, speed = found.posterior, _speed(found)
+    names, weights = [COULOMB, VISCOUS], [1.0, abs(speed)]
+    if with_offset:
+        names.append(OFFSET)
+        gain = p.hypothesis.gain * gain_factor(p.value(GAIN))
+        weights.append(math.copysign(1.0, speed) * p.hypothesis.unit / gain)
+    w = np.array(weights)
+    sigma = math.sqrt(max(float(w @ p.covariance(names) @ w), 0.0))
+    return float(w @ np.array([p.departure(name) for name in names])), sigma
 
 
 def _friction(found: Judged) -> Cause:
-    p = found.posterior
-    torque, sigma = _friction_departure(found)
+    p, summed = found.posterior, _with_offset(found)
+    torque, sigma = _friction_departure(found, summed)
     if torque >= 0.0:
         text = f"friction of {torque:.2g} +- {sigma:.1g} N m at working speed is not in the model"
-        if VISCOUS not in p.departing and not p.measurement.record.standstills:
+        if summed:
             text += " (or an offset of the torque sensor: a recording with the shaft at rest would tell)"
     else:
         text = f"the model has {-torque:.2g} +- {sigma:.1g} N m more friction at working speed than the machine"
