@@ -209,7 +209,8 @@ def _departures(found: Judged) -> list[Cause]:
         named.append((effects.get(name, 0.0), _ONE.get(name, _of_machine)(found, name)))
     # dry and viscous friction may each stay within tolerance where their sum does not
     friction, sigma = _friction_departure(found, _with_offset(found))
-    if abs(friction) > max(p.parameter(COULOMB).threshold, _CERTAIN * sigma):
+    blocked = HIGH_PASS in p.hypothesis.filters  # with the mean, dry friction
+    if not blocked and abs(friction) > max(p.parameter(COULOMB).threshold, _CERTAIN * sigma):
         named.append((abs(friction), _friction(found)))
     for known in p.measurement.parameters:
         # within the tolerance of a force, and still known better than that
