@@ -23,8 +23,8 @@ LOWER = 10
 WANTED_S = 2.0
 """Processor time [s] of a test that is not marked slow."""
 
-MARGIN = 3.0
-"""A test fails above MARGIN * WANTED_S: the same work takes up to three times as long on a slow or shared processor."""
+MARGIN = 10.0
+"""A test fails above MARGIN * WANTED_S: a slow or shared processor takes several times as long."""
 
 settings.register_profile("suite", deadline=None)
 settings.load_profile("suite")

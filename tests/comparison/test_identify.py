@@ -153,6 +153,7 @@ def test_several_backings_are_reported_as_not_fitted() -> None:
     assert halves == found.machine.loads[:2]
 
 
+@pytest.mark.slow
 def test_an_unmodelled_torque_comes_out_with_its_band() -> None:
     case = healthy("loom", 973, duration_s=24.0)
     made = record(case)

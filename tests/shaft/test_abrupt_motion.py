@@ -24,6 +24,7 @@ def _drive(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return np.arange(speed.size) / RATE_HZ, np.round(angle[first::20] / STEP_RAD) * STEP_RAD, speed
 
 
+@pytest.mark.slow
 def test_a_start_within_a_reading_is_followed_sooner_in_a_clean_record() -> None:
     """Two rejected readings at each start give 1.9 times the textbook's error of the speed, one gives 1.5 times."""
     assert np.median([_beside_the_textbook("causal", seed) for seed in range(8)]) < 1.15

@@ -10,6 +10,7 @@ from tests.benchmarks.shaft_judge.views import package
 from tests.campaign import more
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("view", ["causal", "smooth"])
 @pytest.mark.parametrize("seed", [4, 17, *more(23, 25, 27)])
 def test_gentle_starts_of_coarse_encoders_are_no_blows(view: str, seed: int) -> None:

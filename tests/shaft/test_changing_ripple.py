@@ -40,6 +40,7 @@ def beside_the_textbook(view: str, seed: int, change_s: float, first_s: float, l
     return float(np.sqrt(np.mean(off**2) / np.mean((book[rows, 2] - truth[rows]) ** 2)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, *more(1, 2, 3)])
 def test_smooth_knows_each_parts_own_ripple(seed: int) -> None:
     assert beside_the_textbook("smooth", seed, 60.0, 20.0, 59.0) < 0.7
