@@ -54,7 +54,7 @@ __getattr__ = names_of(
         "AngleBins": "by_angle",
         "Assessment": "assessment",
         "Calibration": "calibration",
-        "Cause": "verdict",
+        "Cause": "causes",
         "Comparison": "result",
         "ComparisonEvent": "result",
         "ErrorStatistics": "statistics",
