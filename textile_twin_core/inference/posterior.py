@@ -52,6 +52,8 @@ _MOST_FILTERS, _FITTED_FILTERS = 2, 2
 """Most filters in a chain, and number of candidates that are fitted for each."""
 _BLOCKED_MEAN = 0.8
 """Share of the torque's variance below which a sensor that blocks the mean is a hypothesis."""
+_CLEARLY = 0.5
+"""Unexplained share, over that without a high pass, below which its departures are searched."""
 _HYPOTHESES, _AS_GOOD = 3, 0.01
 """Number of discrete hypotheses to search while all are implausible; share of variance that a later one may lack."""
 _BESIDE_ZERO = (GAIN, DRIFT, COULOMB, OFFSET)
@@ -164,17 +166,20 @@ def infer(
     if found is None or found.explained < _BLOCKED_MEAN or OFFSET in found.departing:
         # without the mean of the torque no hypothesis of the others need be near
         blocked = replace(configured, filters=configured.filters | {HIGH_PASS})
-        other = _inferred(dense_measurement, blocked, ratios)
-        if other is not None:
-            found = other if found is None else _likelier(found, other)
+        fits = hypotheses(dense_measurement, blocked, ratios)
+        if fits and (found is None or 1.0 - fits[0].explained < _CLEARLY * (1.0 - found.explained)):
+            other = _searched(dense_measurement, blocked, fits)
+            found = other if found is None or other is None else _likelier(found, other)
     return None if found is None else _with_filters(found, dense_measurement)
 
 
 def _inferred(measurement: Measurement, configured: Hypothesis, ratios: tuple[float, ...]) -> Posterior | None:
     """Infer the posterior with the filters of the configured hypothesis."""
-    fits = hypotheses(measurement, configured, ratios)
-    if not fits:
-        return None
+    return _searched(measurement, configured, hypotheses(measurement, configured, ratios))
+
+
+def _searched(measurement: Measurement, configured: Hypothesis, fits: list[Fit]) -> Posterior | None:
+    """Search the departures under the likeliest discrete hypotheses; None without any."""
     first: Posterior | None = None
     for fit in _distinct(fits)[:_HYPOTHESES]:
         others = [fit, *(other for other in fits if other is not fit)]
@@ -212,7 +217,7 @@ def _with_filters(found: Posterior, measurement: Measurement) -> Posterior:
             value = QuadraticEvidence(measurement, fit, fit.inflation)(departing) + fit.log_likelihood
             if best is None or value > log_evidence:
                 best, log_evidence = fit, value
-        if best is None:
+        if best is None or log_evidence <= _log_evidence(measurement, found, best):
             break
         other = _Search(measurement, found.configured, [best]).run()
         likelier = _likelier(found, other)
@@ -222,15 +227,25 @@ def _with_filters(found: Posterior, measurement: Measurement) -> Posterior:
     return found
 
 
+def _log_evidence(measurement: Measurement, found: Posterior, like: Fit) -> float:
+    """Log evidence of a posterior on other samples, with the scale and inflation of another fit."""
+    scale, inflation = like.scale, like.inflation
+    same = map_fit(
+        measurement,
+        found.hypothesis,
+        found.fit.x,
+        found.departing,
+        iterations=0,
+        inflation=inflation,
+        scale=scale,
+        relinearise=True,
+    )
+    return QuadraticEvidence(measurement, same, inflation)(found.departing) + same.log_likelihood
+
+
 def _likelier(one: Posterior, other: Posterior) -> Posterior:
     """Return the likelier of two posteriors, compared on the other's samples with its scale and inflation."""
-    m, fit = other.measurement, other.fit
-    scale, inflation = fit.scale, fit.inflation
-    same = map_fit(
-        m, one.hypothesis, one.fit.x, one.departing, iterations=0, inflation=inflation, scale=scale, relinearise=True
-    )
-    value = QuadraticEvidence(m, same, inflation)(one.departing) + same.log_likelihood
-    return one if value >= other.log_evidence else other
+    return one if _log_evidence(other.measurement, one, other.fit) >= other.log_evidence else other
 
 
 def _likelier_without_unit(found: Posterior, fits: list[Fit]) -> Posterior:
