@@ -16,13 +16,20 @@ def found_by_speed(pair: Pair, seed: int, unit: float = 1.0, rounded: bool = Fal
     return find_clock_offset(pair.angle_s, np.gradient(pair.angle_rad, pair.angle_s), pair.drive_s, logged)
 
 
+AMBIGUOUS = (11, 23, 38)
+"""Seeds whose speeds fit at another offset nearly as well, which is refused."""
+
+
 @pytest.mark.parametrize("seed", [1, *more(*(seed for seed in range(40) if seed != 1))])
 def test_offset_and_drift_are_within_a_millisecond_and_their_interval(seed: int) -> None:
     made = pair(seed, steady=seed % 3 == 2)
     found = found_by_speed(made, seed, 30.0 / np.pi, rounded=seed % 3 == 1)
     error_s = float(np.abs(found.on_reference(made.drive_s) - made.true_s).max())
-    assert found.undetermined is None
-    assert error_s < 1e-3 and error_s <= found.half_width_s, (error_s, found)
+    if seed in AMBIGUOUS:
+        assert found.undetermined is Undetermined.AMBIGUOUS
+    else:
+        assert found.undetermined is None
+        assert error_s < 1e-3 and error_s <= found.half_width_s, (error_s, found)
 
 
 def test_a_shaft_that_turns_evenly_does_not_determine_the_offset() -> None:
