@@ -290,10 +290,6 @@ def _in_turn_of_encoder(found: Judged, away: float) -> float:
     return math.remainder(away, period)
 
 
-def _zero_beside(found: Judged) -> float:
-    return math.remainder(found.settled.departure(ZERO), 2.0 * math.pi)
-
-
 def _is_turn_of_encoder(found: Judged, zero_rad: float) -> bool:
     """Return true if a zero is off by whole turns of a wrapped encoder that turns faster than the shaft."""
     turn = found.encoder_turn_rad

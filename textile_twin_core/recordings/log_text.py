@@ -274,7 +274,7 @@ def _kind(cell: str, decimal: str) -> str:
 def _is_data(row: list[str], counted: Sequence[int]) -> bool:
     """Return true if the counted cells have numbers, with dates more than words, and none of the other decimal sign.
 
-    Equally many are enough if the first cell is no word: then a reading is missing, and it is no key with its value.
+    Equally many are enough if the first cell is a number: a reading is then missing from the row.
     """
     kinds = [row[k] for k in counted]
     words, known = kinds.count(_WORD), kinds.count(_NUMERAL) + kinds.count(_MOMENT)

@@ -286,7 +286,7 @@ def with_findings(status: Status, findings: Iterable[Finding]) -> Status:
 
 
 _TURNS = 5.0
-"""So many turns, for as long as a level looks back, may pass unseen: the torque of some may be late."""
+"""Turns that may pass without torque before a level reports them: the torque of some arrives late."""
 
 
 class TurnWatch:
