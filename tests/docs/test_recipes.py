@@ -1,18 +1,21 @@
-"""Recipes of CONTRIBUTING.md: a load and a group are added as written, in a copy; topics and alarms have all places."""
+"""Recipes of CONTRIBUTING.md: load, group and log format are added as written; the others have all places."""
 
 from __future__ import annotations
 
+import math
 import re
 import subprocess
 import sys
 from pathlib import Path
 from shutil import copytree, ignore_patterns
 
+import numpy as np
 import pytest
 
 from tests.docs.pages import ROOT, blocks
 from tests.generators.faults import EXPECTED, SIZES
 from textile_twin_core.comparison.fault_naming import SIDE
+from textile_twin_core.recordings import open_bag
 
 PAGE = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
 LOAD = """
@@ -77,6 +80,35 @@ def test_a_class_becomes_part_of_the_package(
     assert done.returncode == 0, done.stderr[-2000:]
 
 
+@pytest.mark.slow
+def test_a_log_format_becomes_part_of_the_package(tmp_path: Path) -> None:
+    text = recipe("A log format")
+    code = next(b.text for b in blocks(Path("CONTRIBUTING.md")) if b.language == "python" and "read_npz" in b.text)
+    copytree(ROOT / "textile_twin_core", tmp_path / "textile_twin_core", ignore=ignore_patterns("__pycache__"))
+    folder = tmp_path / re.search(r"`(textile_twin_core/recordings)`", text)[1]  # type: ignore[index]
+    (folder / "log_npz.py").write_text(code)
+    files, line = tmp_path / "textile_twin_core/recordings/log_files.py", '".npz": read_npz,'
+    assert f"`{files.relative_to(tmp_path)}`" in text and line in text
+    old, table = files.read_text(), "READERS: dict[str, Callable[[Path, str | None, Head], Columns]] = {\n"
+    assert table in old
+    listed = old.replace(table, f"{table}    {line}\n")
+    imported = "from textile_twin_core.recordings.log_npz import read_npz\n"
+    first = "from textile_twin_core.recordings.log_mapping"
+    files.write_text(listed.replace(first, imported + first, 1))
+    time = np.arange(500) / 500.0
+    np.savez(tmp_path / "log.npz", time=time, **{"angle [deg]": 720.0 * time, "torque [Nm]": np.sin(12.0 * time)})
+    program = "import sys; from textile_twin_core.cli.main import main; sys.exit(main(sys.argv[1:]))"
+    command = [sys.executable, "-c", program, "import", "log.npz", "--out"]
+    done = subprocess.run([*command, "bag"], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    bag = open_bag(tmp_path / "bag")
+    np.testing.assert_allclose(bag.read_angles().angles_rad, 4.0 * math.pi * time, atol=1e-9)
+    np.testing.assert_allclose(bag.read_torques().torque_Nm, np.sin(12.0 * time), atol=1e-9)
+    (tmp_path / "log.npz").write_bytes((tmp_path / "log.npz").read_bytes()[:200])
+    done = subprocess.run([*command, "other"], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 2 and "log.npz: not a .npz file" in done.stderr and done.stderr.count("\n") == 1
+
+
 def test_every_topic_of_the_twin_has_the_places_of_its_recipe() -> None:
     pytest.importorskip("rclpy")
     from textile_twin_ros.machine_namespace import OUTPUTS
@@ -98,3 +130,12 @@ def test_every_alarm_has_the_places_of_its_recipe() -> None:
     for kind in SIDE:
         assert kind in EXPECTED.values() and f"| `{kind}` |" in advice, kind
     assert EXPECTED.keys() - SIZES.keys() <= {"stuck"}
+
+
+def test_the_recipe_of_a_cause_names_places_that_exist() -> None:
+    """That every cause has its rows is held by `test_verdict_page` and `test_truth`."""
+    text = recipe("A cause of the verdict")
+    places = re.findall(r"`((?:textile_twin_core|tests)/[\w/]+\.py)`", text)
+    assert len(places) == 5 and all((ROOT / place).exists() for place in places), places
+    priors = (ROOT / places[1]).read_text()
+    assert "PRIORS" in priors and all(f"{table}" in (ROOT / places[3]).read_text() for table in ("_ONE", "_CAUSES"))

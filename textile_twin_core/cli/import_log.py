@@ -15,7 +15,7 @@ from textile_twin_core.cli.named_machine import load_linkage
 from textile_twin_core.cli.progress import aside, stages
 from textile_twin_core.recordings import BagWriter
 from textile_twin_core.recordings.log_apply import LoggedSamples, apply
-from textile_twin_core.recordings.log_files import read_table
+from textile_twin_core.recordings.log_files import READERS, read_table
 from textile_twin_core.recordings.log_guess import Ask, guess, guess_torque_log
 from textile_twin_core.recordings.log_mapping import (
     NO_COLUMN,
@@ -62,7 +62,7 @@ def parser() -> Parser:
         "log",
         metavar="LOG",
         type=Path,
-        help="the table; .parquet, .mat, .h5, .tdms and .mf4 by their names, else text",
+        help=f"the table; .parquet, {', '.join(READERS)} by their names, else text",
     )
     parser.add_argument("--out", type=Path, required=True, metavar="BAG", help="folder to make, or an .mcap file")
     for kind, units in _KINDS.items():

@@ -8,7 +8,7 @@ import pickle
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -30,7 +30,7 @@ from textile_twin_core.recordings.log_table import (
 from textile_twin_core.recordings.log_text import read_text
 from textile_twin_core.recordings.log_units import choose
 
-_HDF5, _MEASURED = (".h5", ".hdf5", ".hdf", ".he5"), (".tdms", ".mf4", ".mdf")
+_HDF5 = (".h5", ".hdf5", ".hdf", ".he5")
 _HDF5_MAGIC = b"\x89HDF"
 _TIME = ("time", "t", "zeit", "timestamp", "timestamps")
 _VALUES = ("values", "value", "data", "signals", "y")
@@ -59,7 +59,7 @@ def read_table(
     """Read the columns of a log as numbers, and the properties that its file states about them.
 
     Args:
-        path: .parquet, .mat, .h5, .tdms, .mf4, or text of any other name.
+        path: with an ending of `READERS`, .parquet, or text of any other name.
         separator, decimal: of a text table; detected by default.
         table: variable or group of the file that holds the log, if it has several.
         text: form of a text table, if it is known.
@@ -76,10 +76,8 @@ def read_table(
     if path.stat().st_size == 0:
         raise RecordingError(f"{path}: the file is empty")
     head, suffix = Head(), path.suffix.lower()
-    if suffix == ".mat" or suffix in _HDF5:
-        columns = _from_structures(path, _variables(path, suffix in _HDF5), table, head)
-    elif suffix in _MEASURED:
-        columns = _measured(path, table, head)
+    if suffix in READERS:
+        columns = READERS[suffix](path, table, head)
     else:
         line_of = None
         if suffix == ".parquet":
@@ -120,6 +118,10 @@ def _parquet(path: Path) -> dict[str, Any]:
 
 
 # MATLAB and HDF5: vectors, matrices and structures --------------------------------------------------------------------
+
+
+def _structured(path: Path, table: str | None, head: Head) -> Columns:
+    return _from_structures(path, _variables(path, path.suffix.lower() in _HDF5), table, head)
 
 
 def _variables(path: Path, hdf5: bool) -> dict[str, Any]:
@@ -402,3 +404,10 @@ def _put_times(columns: Columns, head: Head, name: str, since: FloatArray, start
         if start is not None:
             head.dated.add(known)
     head.times_of[name] = known
+
+
+READERS: dict[str, Callable[[Path, str | None, Head], Columns]] = {
+    **dict.fromkeys((".mat", *_HDF5), _structured),
+    **dict.fromkeys((".tdms", ".mf4", ".mdf"), _measured),
+}
+"""Readers of files of numbers by the ending of their names: of a path, a variable or group, and the head to fill."""
