@@ -206,7 +206,6 @@ def _time_lines(evidence: Evidence, posterior: Posterior) -> tuple[TimeLine, ...
     """Find lines fixed in time in the residual of all samples, or of runs where the torque is filtered."""
     h = posterior.hypothesis
     m = posterior.measurement.on(record_of(evidence.in_runs() if h.filters else evidence, most=_LINE_SAMPLES))
-    m.model.linearise(m.values(posterior.fit.x), posterior.departing)
     residual, good = m.residual(h, posterior.fit.x)
     if np.count_nonzero(good) < _FEWEST_FOR_LINES:
         return ()

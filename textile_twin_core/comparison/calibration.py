@@ -257,8 +257,7 @@ def _rms(found: Judged, hypothesis: Hypothesis | None, names: Collection[str] | 
             x[m.place[name]] = found.settled.value(name)
     elif found.ratio != 1.0:
         hypothesis = replace(hypothesis, turn=hypothesis.turn / found.ratio)
-    m.model.linearise(m.values(x), found.posterior.departing)
-    residual, good = m.residual(hypothesis, x)
+    residual, good = m.linearised(x, found.posterior.departing).residual(hypothesis, x)
     return float(np.sqrt(np.mean(residual[good] ** 2))) if good.any() else math.nan
 
 

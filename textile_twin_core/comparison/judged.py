@@ -50,7 +50,6 @@ class Judged:
         """
         p = self.posterior
         m = p.measurement
-        m.model.linearise(m.values(p.fit.x), p.departing)
         residual, good = m.residual(p.hypothesis, p.fit.x)
         means, good = m.means(np.column_stack([residual, m.record.torque_Nm]), good)
         square, variance = float(np.mean(means[good, 0] ** 2)), max(float(np.var(means[good, 1])), 1e-300)
@@ -106,7 +105,6 @@ class Judged:
         """Root mean square [N m] of the torque that each departure explains, at the fit; a group under its leader."""
         p = self.posterior
         m = p.measurement
-        m.model.linearise(m.values(p.fit.x), p.departing)
         seen = m.expected(p.hypothesis, p.fit.x, slopes=True)
         assert seen.slopes is not None
         away = p.fit.x - m.nominal

@@ -35,7 +35,7 @@ def likely_filters(measurement: Measurement, fit: Fit) -> list[tuple[str, float,
     another low pass is no candidate.
 
     Args:
-        measurement: record and model.
+        measurement: record and model, linear about the fit.
         fit: without these filters.
 
     Returns:
@@ -46,7 +46,7 @@ def likely_filters(measurement: Measurement, fit: Fit) -> list[tuple[str, float,
     (theta, omega, alpha, good), _ = m.states(hypothesis, v)
     good = good & (np.abs(omega) > 0.6 * m.record.slow_rad_s * abs(hypothesis.turn))
     forces = [p.name for p in m.parameters if p.kind == "force"]
-    found = m.model.torque(v, (theta, omega, alpha), m.model.table(v), bool(forces), only_forces=True)
+    found = m.model.torque(v, (theta, omega, alpha), m.model.table(v, m.about), bool(forces), only_forces=True)
     columns = [found.torque_Nm, np.sign(omega), omega, alpha, *(found.slopes[name] for name in forces)]
     matrix = np.where(good[:, None], np.stack(columns, 1), 0.0)
     shown = m.record.torque_Nm - fit.hypothesis.shown_offset(v[OFFSET])

@@ -471,7 +471,9 @@ class _Law:
             self.departing = chosen
         value = QuadraticEvidence(self.m, fit, fit.inflation)(self.departing) + fit.log_likelihood
         choice = Choice(self.departing, value, tuple(self.choice.rivals))
-        posterior = Posterior(self.m, self.plain.configured, fit, choice, value, self.plain.others)
+        posterior = Posterior(
+            self.m.linearised(fit.x, self.departing), self.plain.configured, fit, choice, value, self.plain.others
+        )
         return CurvePosterior(posterior, learned(posterior))
 
     def _bends(self, fit: Fit) -> bool:

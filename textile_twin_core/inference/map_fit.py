@@ -44,7 +44,8 @@ class Fit:
 
     Attributes:
         x: (k,) values. hypothesis: discrete settings.
-        information: (k, k) of the readings without inflation; gradient: (k,) of their log likelihood.
+        information: (k, k) of the samples without inflation and of the readings at standstill, which have none,
+            times the inflation; gradient: (k,) of their log likelihood, likewise.
         scale: of Huber's loss [N m]. inflation: variance of scores per turn over that of independent samples.
         rms: of the residual [N m]. explained: share of the torque's variance.
         log_likelihood: with the given inflation, without constants. Samples that a shift of time removes from the fit
@@ -70,11 +71,15 @@ class Fit:
 class Weighed:
     """Weighted residuals at one place: normal matrix, gradient, cost and their sources.
 
+    information, gradient: of the samples, without inflation. standing, standing_gradient: of the readings at
+    standstill, which have a standard deviation of their own.
     absent: cost of the samples that are not in the fit, each as the mean of the others.
     """
 
     information: FloatArray
     gradient: FloatArray
+    standing: FloatArray
+    standing_gradient: FloatArray
     scale: float
     cost: float
     absent: float
@@ -126,37 +131,38 @@ def map_fit(
     high = np.minimum(measurement.nominal + reach, [_HIGHEST.get(name, np.inf) for name in names])
     variance, damping = prior_variance(measurement, departing, x), 0.0
 
-    def at(x: FloatArray) -> Weighed:
-        measurement.model.linearise(measurement.values(x), departing if relinearise else ())
-        return weigh(measurement, hypothesis, x, variance, given, scale)
+    def at(x: FloatArray) -> tuple[Measurement, Weighed]:
+        near = measurement.linearised(x, departing if relinearise else ())
+        return near, weigh(near, hypothesis, x, variance, given, scale)
 
-    here = at(x)
+    near, here = at(x)
     for _ in range(iterations):
-        normal = here.information / given + np.diag(1.0 / variance)
-        slope = here.gradient / given - (x - measurement.nominal) / variance
+        normal = here.information / given + here.standing + np.diag(1.0 / variance)
+        slope = here.gradient / given + here.standing_gradient - (x - measurement.nominal) / variance
         trial: FloatArray = np.clip(x + _step(names, index, normal, slope, damping), low, high)
-        cost = _cost(measurement, hypothesis, trial, variance, given, here)
+        cost = _cost(near, hypothesis, trial, variance, given, here)
         if cost < here.cost + 1e-9:
             x, damping = trial, damping / 10.0 if damping > 1e-6 else 0.0
             done = here.cost - cost < _CONVERGED
-            here = at(x)
+            near, here = at(x)
             if done:
                 break
         else:
             damping = max(10.0 * damping, 1e-3)
             if damping > _MOST_DAMPING:
                 break
-    found = float(np.median(_ratios(measurement, here)))
+    used = inflation or float(np.median(_ratios(measurement, here)))
     away = x - measurement.nominal
-    covariance = np.asarray(np.linalg.inv(here.information / (inflation or found) + np.diag(1.0 / variance)))
+    information = here.information + used * here.standing
+    covariance = np.asarray(np.linalg.inv(information / used + np.diag(1.0 / variance)))
     torque = measurement.record.torque_Nm
     return Fit(
         x,
         hypothesis,
-        here.information,
-        here.gradient,
+        information,
+        here.gradient + used * here.standing_gradient,
         here.scale,
-        inflation or found,
+        used,
         here.rms,
         1.0 - here.rms**2 / max(float(np.var(torque)), 1e-300),
         -0.5 * (here.cost - float(np.sum(away**2 / variance)) + here.absent),
@@ -204,10 +210,8 @@ def weigh(
     information = (slopes * weight[:, None]).T @ slopes / scale**2
     gradient = (slopes * weight[:, None]).T @ residual / scale**2
     standing, standing_slopes = measurement.at_standstill(hypothesis, x, slopes=True)
-    if standing.size and standing_slopes is not None:
-        weighted = standing_slopes * (huber_weights(standing, 1.0) * inflation)[:, None]
-        information = information + weighted.T @ standing_slopes
-        gradient = gradient + weighted.T @ standing
+    assert standing_slopes is not None
+    weighted = standing_slopes * huber_weights(standing, 1.0)[:, None]
     loss = float(np.sum(own * huber_loss(residual, scale))) / inflation
     absent = loss * (good.size - residual.size) / max(residual.size, 1)
     cost = loss + float(np.sum(huber_loss(standing, 1.0)))
@@ -218,8 +222,9 @@ def weigh(
         turn = turn // max(math.isqrt(int(np.ptp(turn))), 1) if turn.size else turn
     rms = float(np.sqrt(np.sum(own * residual**2) / max(float(np.sum(own)), 1e-300)))
     return Weighed(
-        information, gradient, scale, cost, absent, residual, own, good, rms, theta, turn, weight * residual, slopes
-    )
+        information, gradient, weighted.T @ standing_slopes, weighted.T @ standing, scale, cost, absent, residual, own,
+        good, rms, theta, turn, weight * residual, slopes,
+    )  # fmt: skip
 
 
 def _cost(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -89,6 +90,8 @@ class Expected:
 class Measurement:
     """A record, the model of its machine, and the parameters in their order.
 
+    The model is linear about the nominal values, or about those of `linearised`.
+
     Args:
         record: the samples. model: torque of the machine. parameters: in their order.
         working_torque_Nm: scale of the torque at work.
@@ -104,6 +107,7 @@ class Measurement:
         uncertain_Nm: float = 0.0,
     ) -> None:
         self.record, self.model, self.parameters = record, model, parameters
+        self.about = model.nominal
         self.names = tuple(p.name for p in parameters)
         self.place = {name: k for k, name in enumerate(self.names)}
         self.nominal = np.array([p.nominal for p in parameters])
@@ -140,8 +144,19 @@ class Measurement:
         return replace(sensors, encoder=encoder, torque=torque)
 
     def on(self, record: Record) -> Measurement:
-        """Return a copy for another record."""
-        return Measurement(record, self.model, self.parameters, self.working_torque_Nm, self.uncertain_Nm)
+        """Return a copy for another record, with the same linearisation."""
+        other = Measurement(record, self.model, self.parameters, self.working_torque_Nm, self.uncertain_Nm)
+        other.about = self.about
+        return other
+
+    def linearised(self, x: FloatArray, departing: Collection[str]) -> Measurement:
+        """Return a copy that is linear about the values (k,) of the departing parameters."""
+        about = self.model.linearised(self.values(x), departing)
+        if about is self.about:
+            return self
+        other = copy(self)
+        other.about = about
+        return other
 
     def values(self, x: FloatArray) -> dict[str, float]:
         """Values by name."""
@@ -175,7 +190,7 @@ class Measurement:
     def expected(self, hypothesis: Hypothesis, x: FloatArray, slopes: bool = False) -> Expected:
         """Expected readings at the samples."""
         v = self.values(x)
-        table = self.model.table(v)
+        table = self.model.table(v, self.about)
         gain = hypothesis.gain * gain_factor(v[GAIN])
         (theta, omega, alpha, good), own = self.states(hypothesis, v)
         spread = self.spread_rad(hypothesis)
@@ -253,7 +268,7 @@ class Measurement:
         (theta, omega, alpha, good), _ = self.states(hypothesis, v)
         guard = 0.5 * _GUARD_S * abs(hypothesis.turn * self.record.speed_rad_s)
         spread = self.spread_rad(hypothesis) if hypothesis.filters else guard
-        found = self.model.torque(v, (theta, omega, alpha), self.model.table(v), spread_rad=spread)
+        found = self.model.torque(v, (theta, omega, alpha), self.model.table(v, self.about), spread_rad=spread)
         torque = found.torque_Nm
         good = good & (np.abs(omega) > _SLOW * abs(hypothesis.turn) * self.record.slow_rad_s)
         if hypothesis.filters:
@@ -288,7 +303,7 @@ class Measurement:
         theta = hypothesis.turn * own - hypothesis.zero_rad - v[ZERO]
         none = np.zeros_like(theta)
         gain = hypothesis.gain * gain_factor(v[GAIN])
-        found = self.model.torque(v, (theta, none, none), self.model.table(v), slopes, way=none)
+        found = self.model.torque(v, (theta, none, none), self.model.table(v, self.about), slopes, way=none)
         held = gain * (found.torque_Nm + v[HELD])
         residual = (shown - held - hypothesis.shown_offset(v[OFFSET])) / sigma
         if not slopes:

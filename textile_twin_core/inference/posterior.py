@@ -65,7 +65,7 @@ class Posterior:
     """Posterior of a machine and its sensors, given a record.
 
     Attributes:
-        measurement: record, model and parameters.
+        measurement: record, model and parameters, linear about the fit.
         configured: discrete settings and sensor of the machine file.
         fit: values and their covariance; the prior is wide for a departure and the tolerance for any other parameter.
         choice: the parameters that depart, and sets of departures that explain the record equally well.
@@ -123,8 +123,6 @@ class Posterior:
     @property
     def explained(self) -> float:
         """Share of the torque's variance that the values explain, sample by sample."""
-        # the model is shared and may be linearised about another fit
-        self.measurement.model.linearise(self.measurement.values(self.fit.x), self.departing)
         residual, good = self.measurement.residual(self.hypothesis, self.fit.x)
         torque = self.measurement.record.torque_Nm[good]
         return 1.0 - float(np.mean(residual[good] ** 2)) / max(float(np.var(torque)), 1e-300) if torque.size else 0.0
@@ -197,7 +195,9 @@ def _with_filters(found: Posterior, measurement: Measurement) -> Posterior:
     """Return the posterior with those filters of the torque sensor that are likelier than none."""
     for _ in range(_MOST_FILTERS):
         best, log_evidence = None, -math.inf
-        for name, value, late in likely_filters(measurement, found.fit)[:_FITTED_FILTERS]:
+        for name, value, late in likely_filters(measurement.linearised(found.fit.x, found.departing), found.fit)[
+            :_FITTED_FILTERS
+        ]:
             x = found.fit.x.copy()
             x[measurement.place[name]] = value
             x[measurement.place[DELAY]] += late
@@ -339,7 +339,8 @@ class _Search:
         rivals = tuple(each for each in near.rivals if each[1] != departing)
         if near.departing != departing:
             rivals = ((near.log_evidence, near.departing), *rivals)
-        return Posterior(m, self.configured, fit, Choice(departing, value, rivals), value, tuple(self.fits[1:]))
+        choice = Choice(departing, value, rivals)
+        return Posterior(m.linearised(fit.x, departing), self.configured, fit, choice, value, tuple(self.fits[1:]))
 
     def _refit(self, x: FloatArray, departing: Departures) -> tuple[float, Fit, Departures]:
         full = self.full

@@ -183,7 +183,7 @@ class _Scan:
 
     def __init__(self, measurement: Measurement, hypothesis: Hypothesis, delay_s: float) -> None:
         self._model, self._values = measurement.model, measurement.values(measurement.nominal)
-        self._table = measurement.model.table(self._values)
+        self._table = measurement.model.table(self._values, measurement.model.nominal)
         # low passes act as a delay here, a high pass as an unknown offset
         late = delay_s + sum(
             lag * self._values[name] for name, lag in GROUP_DELAY.items() if name in hypothesis.filters

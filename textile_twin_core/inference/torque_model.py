@@ -35,7 +35,9 @@ _NODES = 1024
 _STEP = 1e-3
 """Step of the numerical slopes, as a share of a departure's standard deviation."""
 _MOVED = 0.05
-"""Move in standard deviations of a departure above which the tables are evaluated again."""
+"""Grid of the values at which tables are evaluated, in standard deviations of a departure."""
+_TABLES = 8
+"""Number of tables in the cache."""
 SPREAD_RAD = 0.03
 """Shaft angle over which a step of the load is smeared, so that the model has slopes there."""
 _BESIDE = 1e-6
@@ -58,6 +60,14 @@ class Torque:
     variance: FloatArray
     by_omega: FloatArray
     by_alpha: FloatArray
+
+
+@dataclass(frozen=True)
+class Linearisation:
+    """Functions of the angle `table` (c, nodes) at values of the tabulated parameters."""
+
+    values: Mapping[str, float]
+    table: FloatArray
 
 
 class TabulatedTorque:
@@ -88,12 +98,12 @@ class TabulatedTorque:
         self.turns_fully = machine.linkage.solved.turns_fully
         self._theta = machine.shaft_angles(_NODES)
         self._speed = machine.nominal_speed_rad_s
-        self._here: dict[str, float] = {}
-        self._nominal: tuple[dict[str, float], FloatArray] | None = None
         self._linkages: dict[tuple[float, ...], tuple[Linkage, Motion]] = {}
-        self.linearise({p.name: p.nominal for p in self.parameters})
+        here = {p.name: p.nominal for p in self.tabulated}
+        self.nominal = Linearisation(here, self._evaluate(here))
+        self._known = {tuple(here.values()): self.nominal}
         self._slopes = self._slopes_at_nominal()
-        travel = self._table[5 : 5 + 2 * len(self._backings) * len(self._phases) : 2]
+        travel = self.nominal.table[5 : 5 + 2 * len(self._backings) * len(self._phases) : 2]
         entry = [load.entry_plane_m for load in self._backings for _ in self._phases]
         self._passes = [bool(np.max(h) >= plane) for h, plane in zip(travel, entry, strict=True)]
 
@@ -109,7 +119,7 @@ class TabulatedTorque:
     @property
     def mean_inertia(self) -> float:
         """Mean inertia of the shaft over the turn [kg m2]."""
-        return float(np.mean(self._table[INERTIA]))
+        return float(np.mean(self.nominal.table[INERTIA]))
 
     @cached_property
     def shaft_inertias(self) -> frozenset[str]:
@@ -128,44 +138,49 @@ class TabulatedTorque:
             return np.zeros(_NODES // 2)
         speed = np.full(_NODES, speed_rad_s)
         values = {p.name: p.nominal for p in self.parameters}
-        torque = self.torque(values, (self._theta, speed, np.zeros(_NODES)), self._table).torque_Nm
+        torque = self.torque(values, (self._theta, speed, np.zeros(_NODES)), self.nominal.table).torque_Nm
         return np.asarray(2.0 * np.abs(np.fft.rfft(np.nan_to_num(torque)))[1:] / _NODES)
 
     def depends_on_angle(self) -> bool:
         """True if the torque depends on the shaft angle; without a linkage it does not."""
-        w = self._speed
-        torque = self._table[SQUARE] * w**2 + self._table[WEIGHT] + self._table[DRY] + self._table[DAMPING] * w
-        return bool(np.ptp(torque) > 1e-12 * np.max(np.abs(self._table[INERTIA])) * w**2 or self._backings)
+        w, table = self._speed, self.nominal.table
+        torque = table[SQUARE] * w**2 + table[WEIGHT] + table[DRY] + table[DAMPING] * w
+        return bool(np.ptp(torque) > 1e-12 * np.max(np.abs(table[INERTIA])) * w**2 or self._backings)
 
-    def linearise(self, values: Mapping[str, float], departing: Collection[str] = ()) -> None:
-        """Evaluate the tables at the values of the departing parameters and the nominal values of all others.
+    def linearised(self, values: Mapping[str, float], departing: Collection[str]) -> Linearisation:
+        """Evaluate the tables near the values of the departing parameters, at the nominal values of all others.
 
-        Skipped while no parameter has moved far since the last time. The slopes stay those at the nominal values, since
-        mistakes of lengths are small.
+        The values are rounded to a grid, so that a step too small to matter needs no new table, and the result depends
+        on the values alone. Where no linkage of these lengths closes, the nominal table serves. The slopes stay those
+        at the nominal values, since mistakes of lengths are small.
         """
-        here = {p.name: values[p.name] if p.name in departing else p.nominal for p in self.tabulated}
-        if self._here and not any(
-            abs(here[p.name] - self._here[p.name]) > _MOVED * p.departure for p in self.tabulated
-        ):
-            return
-        table = self._evaluate(here)
-        if np.isfinite(table).all():  # a linkage of these lengths closes
-            self._here, self._table = here, table
+        here = {p.name: p.nominal for p in self.tabulated}
+        for p in self.tabulated:
+            if p.name in departing:
+                step = _MOVED * p.departure
+                here[p.name] = max(p.nominal + step * round((values[p.name] - p.nominal) / step), p.low)
+        key = tuple(here.values())
+        if key not in self._known:
+            if len(self._known) > _TABLES:
+                del self._known[list(self._known)[1]]  # the nominal one stays
+            table = self._evaluate(here)
+            self._known[key] = Linearisation(here, table) if np.isfinite(table).all() else self.nominal
+        return self._known[key]
 
     def _slopes_at_nominal(self) -> FloatArray:
         """Slopes (k, c, nodes) of the tables by the tabulated parameters."""
-        here = {p.name: p.nominal for p in self.tabulated}
-        slopes = np.empty((len(self.tabulated), *self._table.shape))
+        here, nominal = self.nominal.values, self.nominal.table
+        slopes = np.empty((len(self.tabulated), *nominal.shape))
         for k, p in enumerate(self.tabulated):
             step = _STEP * p.departure
-            slopes[k] = (self._evaluate(here | {p.name: here[p.name] + step}) - self._table) / step
+            slopes[k] = (self._evaluate({**here, p.name: here[p.name] + step}) - nominal) / step
         return slopes
 
-    def table(self, values: Mapping[str, float]) -> FloatArray:
-        """Functions of the angle (c, nodes) with these values, linear about the last linearisation."""
-        table = self._table.copy()
+    def table(self, values: Mapping[str, float], about: Linearisation) -> FloatArray:
+        """Functions of the angle (c, nodes) with these values, linear about a linearisation."""
+        table = about.table.copy()
         for k, p in enumerate(self.tabulated):
-            away = values[p.name] - self._here[p.name]
+            away = values[p.name] - about.values[p.name]
             if away:
                 table += away * self._slopes[k]
         return table

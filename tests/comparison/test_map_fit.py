@@ -1,0 +1,88 @@
+"""Fits of one record: weight of the readings at standstill, and independence of the order of calls."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.generators.configured_machine import configured_machine
+from tests.generators.mill_recordings import healthy, torque_of
+from tests.generators.planned_motion import run_up_and_down
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.comparison.shaft_track import ShaftTrack
+from textile_twin_core.inference.map_fit import Fit, map_fit
+from textile_twin_core.inference.measurement import Hypothesis, Measurement
+from textile_twin_core.inference.parameter import GAIN, OFFSET
+from textile_twin_core.inference.priors import WorkingPoint, parameters
+from textile_twin_core.inference.record import Record, Standstill
+from textile_twin_core.inference.torque_model import TabulatedTorque
+from textile_twin_core.machine.slots import changed
+
+AS_CONFIGURED = Hypothesis(1.0, 1.0)
+TIME = np.arange(0.0, 40.0, 0.01)
+STANDING_NM = 0.05
+LENGTH = "groups.l3.length_m"
+
+
+def measured(error_Nm: FloatArray | float = 0.0, standstills: int = 0) -> Measurement:
+    """Measurement of a loom, whose torque is off by an error; at standstill only by independent noise."""
+    rng = np.random.default_rng(7)
+    case = healthy("loom", 7)
+    theta, omega, alpha = run_up_and_down(40.0, 16.0, rng).at(TIME)
+    torque = torque_of(case, theta, omega, alpha)
+    rest = torque_of(case, theta[:1], np.zeros(1), np.zeros(1))
+    machine = configured_machine(case)
+    known, slots = parameters(machine, WorkingPoint(float(np.percentile(np.abs(torque), 95.0)), 16.0, 0.01))
+    still = [Standstill(0.0, float(rest[0] + STANDING_NM * each), STANDING_NM) for each in rng.normal(size=standstills)]
+    track = ShaftTrack(TIME, theta, omega, alpha, 0.05)
+    samples = Record(TIME, torque + error_Nm + 0.05 * rng.normal(size=TIME.size), track, 20.0, 16.0, 0.5, tuple(still))
+    return Measurement(samples, TabulatedTorque(machine, known, slots), known, 10.0)
+
+
+def test_readings_at_standstill_weigh_the_same_whether_the_inflation_is_known_or_estimated() -> None:
+    """Errors of whole turns inflate the residuals; readings at standstill have their own standard deviation."""
+    m = measured(0.3 * np.sin(0.8 * TIME), standstills=40)
+    first = map_fit(m, AS_CONFIGURED, m.nominal, (OFFSET, GAIN))
+    assert first.inflation > 5.0
+    known = {"inflation": first.inflation, "scale": first.scale}
+    again = map_fit(m, AS_CONFIGURED, first.x, (OFFSET, GAIN), iterations=0, **known)
+    np.testing.assert_allclose(first.information, again.information, rtol=1e-12)
+    np.testing.assert_allclose(first.gradient, again.gradient, rtol=1e-12, atol=1e-12 * np.abs(again.gradient).max())
+    np.testing.assert_allclose(first.covariance, again.covariance, rtol=1e-9)
+
+
+def test_a_fit_does_not_depend_on_fits_made_before_it() -> None:
+    """Other values of the machine's numbers were fitted with the same model in between."""
+    m = measured()
+    place = m.place[LENGTH]
+    away = m.nominal.copy()
+    away[place] += 3.0 * m.parameters[place].departure
+
+    def found(fit: Fit) -> list[FloatArray]:
+        return [fit.x, fit.covariance, m.expected(AS_CONFIGURED, fit.x).torque_Nm, m.residual(AS_CONFIGURED, fit.x)[0]]
+
+    first = map_fit(m, AS_CONFIGURED, m.nominal, (LENGTH,), relinearise=True)
+    before = found(first)
+    map_fit(m, AS_CONFIGURED, away, (LENGTH,), iterations=0, relinearise=True)
+    after = found(first)
+    again = map_fit(m, AS_CONFIGURED, m.nominal, (LENGTH,), relinearise=True)
+    for one, other, later in zip(before, after, found(again), strict=True):
+        np.testing.assert_array_equal(one, other)
+        np.testing.assert_array_equal(one, later)
+
+
+@pytest.mark.parametrize("share", [0.4, 3.0])
+def test_a_model_is_right_about_the_values_of_its_linearisation(share: float) -> None:
+    """It agrees with the model of the machine that has this length."""
+    m = measured()
+    x = m.nominal.copy()
+    x[m.place[LENGTH]] += share * m.parameters[m.place[LENGTH]].departure
+    changes = changed(m.model.machine, {m.model.slot_name(LENGTH): float(x[m.place[LENGTH]])})
+    known, slots = parameters(replace(m.model.machine, **changes), WorkingPoint(10.0, 16.0, 0.01))
+    other = TabulatedTorque(replace(m.model.machine, **changes), known, slots)
+    truth = Measurement(m.record, other, known, 10.0).expected(AS_CONFIGURED, np.array([p.nominal for p in known]))
+    size = float(np.abs(truth.torque_Nm).max())
+    shown = m.linearised(x, (LENGTH,)).expected(AS_CONFIGURED, x)
+    np.testing.assert_allclose(shown.torque_Nm, truth.torque_Nm, atol=1e-4 * size)
