@@ -256,8 +256,8 @@ def test_a_mistake_is_one_line(
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("theta_rad,omega_rad_s\n1,2\n", "column alpha_rad_s2 is missing; there are: theta_rad, omega_rad_s"),
-        ("", "column theta_rad, omega_rad_s, alpha_rad_s2 is missing; there are: none"),
+        ("theta_rad,omega_rad_s\n1,2\n", "column alpha_rad_s2 is missing; available: theta_rad, omega_rad_s"),
+        ("", "column theta_rad, omega_rad_s, alpha_rad_s2 is missing; available: none"),
         ("theta_rad,omega_rad_s,alpha_rad_s2\n", "no rows"),
         ("theta_rad,omega_rad_s,alpha_rad_s2\n0,1,2\n0,nan,2\n", "line 3: omega_rad_s is 'nan'"),
         ("theta_rad,omega_rad_s,alpha_rad_s2\n0,1,2\n\n0,,2\n", "line 4: omega_rad_s is ''"),

@@ -99,7 +99,7 @@ def _taken(cls: type, **given: Any) -> set[str]:
     """Return the keys that the reader accepts for a declaration, from its message on a wrong key."""
     with pytest.raises(MachineError) as caught:
         build(cls, {"qqqq": 0}, "here", **given)
-    return set(str(caught.value).split("there are: ")[1].split(", "))
+    return set(str(caught.value).split("available: ")[1].split(", "))
 
 
 def _default(cls: type, key: str) -> Any:
@@ -140,7 +140,7 @@ def test_a_row_lists_the_keys_of_the_reader(chapter: str, row: str, cls: type) -
 def test_the_top_level_keys(tmp_path: Path) -> None:
     with pytest.raises(MachineError) as caught:
         _load(tmp_path, "qqqq: 0")
-    taken = set(str(caught.value).split("there are: ")[1].split(", "))
+    taken = set(str(caught.value).split("available: ")[1].split(", "))
     documented: dict[str, Any] = {}
     for line in _chapter("Top-level keys").splitlines()[3:]:
         documented |= _documented(line.strip("| ").split(" | ")[0]) if line.startswith("| ") else {}
@@ -152,7 +152,7 @@ def test_the_top_level_keys(tmp_path: Path) -> None:
         )
     with pytest.raises(MachineError) as caught:
         _load(tmp_path, "machine: tufting\nqqqq: 0")
-    beside = str(caught.value).split("there are: ")[1].split(", ")
+    beside = str(caught.value).split("available: ")[1].split(", ")
     last = _chapter("A published machine with your numbers")
     assert all(f"`{key}`" in last for key in beside)
 

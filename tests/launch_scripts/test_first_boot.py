@@ -97,7 +97,7 @@ def test_an_alarm_comes_without_a_command_and_again_after_a_power_cut(tmp_path: 
             boot.on()
             suite.spin_until(lambda: any(level == ERROR for level, _ in faults), "the alarm")
             print(f"the alarm stands {time.monotonic() - again:.1f} s after the start")
-            suite.spin_until(lambda: "goes on with what was learnt before" in boot.journal(), "what was learnt")
+            suite.spin_until(lambda: "continues with the band learnt before" in boot.journal(), "what was learnt")
             suite.spin_for(3.0)
             assert [each.number for each in book.faults()] == [fault.number]
         finally:

@@ -183,7 +183,7 @@ def test_every_variable_is_named_in_a_question(tmp_path: Path) -> None:
     with pytest.raises(RecordingError) as caught:
         guess(columns, head)
     assert all(name in str(caught.value) for name in ("time", "q_1", "q_2", "short", "odd", "many"))
-    with pytest.raises(RecordingError, match=r"no variable 'log'; there are: .*many"):
+    with pytest.raises(RecordingError, match=r"no variable 'log'; available: .*many"):
         read_table(tmp_path / "log.mat", table="log")
 
 

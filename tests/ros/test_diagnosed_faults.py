@@ -148,7 +148,7 @@ def test_every_fault_is_reported(suite: Suite) -> None:
         suite.spin_until(lambda: fits("2 publishers"), "diagnostics of two publishers")
         assert heard[-1].level == DiagnosticStatus.WARN
         node.destroy_publisher(second)
-        suite.spin_until(lambda: "main_shaft/angle: in order again" in twin.words(), "the log's all-clear")
+        suite.spin_until(lambda: "main_shaft/angle: recovered" in twin.words(), "the log's all-clear")
     finally:
         feeder.close()
     # Once each, however long a fault lasts.

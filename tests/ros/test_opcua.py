@@ -229,7 +229,7 @@ def test_a_namespace_by_its_uri_and_values_without_a_source_time(suite: Suite, p
     missing = Plc(plc.port)
     try:
         other = suite.start("opcua_node", words[0], "angle:='nsu=urn:loom:7;s=Angle'", "allow_insecure:=true")
-        other.wait_for_words("the server has no namespace urn:loom:7; there are")
+        other.wait_for_words("the server has no namespace urn:loom:7; available")
         assert other.end() == 0
     finally:
         missing.close()

@@ -77,7 +77,7 @@ def test_a_twin_that_falls_behind_says_so_and_ends(suite: Suite) -> None:
         suite.spin_until(lambda: said and said[-1][0] == DiagnosticStatus.OK, "health")
         with starved(twin):
             suite.spin_until(
-                lambda: said[-1][0] == DiagnosticStatus.WARN and "late to its messages" in said[-1][1], "lateness"
+                lambda: said[-1][0] == DiagnosticStatus.WARN and "behind its input" in said[-1][1], "lateness"
             )
             said.clear()
             suite.spin_until(lambda: len(said) >= 4, "diagnostics that go on")

@@ -25,9 +25,9 @@ def parser() -> Parser:
     """Build the argument parser."""
     parser = Parser(
         "calibrate",
-        "Settles direction, ratio and zero of the encoder, and sign, unit, gain, offset and delay of the torque\n"
-        "sensor from a recording, and writes the machine with them. What the recording cannot tell apart is named. A\n"
-        "recording with rest, run-up and coast-down tells most.",
+        "Calibrates direction, ratio and zero of the encoder, and sign, unit, gain, offset and delay of the torque\n"
+        "sensor from a recording, and writes the machine with them. What the recording cannot separate is named. A\n"
+        "recording with standstill, run-up and coast-down determines most.",
         "textile-twin calibrate bags/tufting_160rpm_synthetic --machine tufting --out my_machine.yaml",
     )
     add_recording(parser)
@@ -37,8 +37,8 @@ def parser() -> Parser:
     parser.add_argument(
         "--wheel",
         action="store_true",
-        help="settle a toothed wheel's pitch errors and the flywheel's inertia instead, by what the measured torque"
-        " does to the speed",
+        help="estimate a toothed wheel's pitch errors and the flywheel's inertia instead, from the speed under the"
+        " measured torque",
     )
     return parser
 
@@ -59,7 +59,7 @@ def run(arguments: argparse.Namespace) -> None:
     write_json(arguments, machine, found.to_json())
     if found.angle_unit != "radians":
         raise UsageError(
-            f"{arguments.bag}: the angle is in {found.angle_unit}, and messages hold radians; tell it with --angle-unit"
+            f"{arguments.bag}: the angle is in {found.angle_unit}, and messages hold radians; give --angle-unit"
             " (deg, rev, gon, or the counts of a turn), or record it in radians"
         )
     save_machine_file(found.machine, arguments.out)
@@ -94,7 +94,7 @@ def _print(found: Calibration) -> None:
     if found.rms_beside_Nm < _MUCH_LESS * found.rms_after_Nm:
         rows += [("  friction, loads fitted", f"{found.rms_beside_Nm:.4g} N m; the file has them as before: identify")]
     rows += [("was wrong", cause.text) for cause in found.assessment.verdict]
-    rows += [("not told", f"{each.text}; {each.recording}") for each in found.ambiguous]
+    rows += [("ambiguous", f"{each.text}; {each.recording}") for each in found.ambiguous]
     rows += [("note", note) for note in found.assessment.notes]
     print_rows(rows)
 

@@ -247,7 +247,7 @@ def _line(numbers: Mapping[str, Any]) -> str:
     share = math.nan if torque["rms_over_peak"] is None else torque["rms_over_peak"] * 100.0
     return (
         f"RMS error {torque['rms_error_Nm']:.4g} N m, {share:.2f} % of the peak, over {numbers['revolutions']:.0f}"
-        f" revolutions; verdict: {causes}"
+        f" turns; verdict: {causes}"
     )
 
 

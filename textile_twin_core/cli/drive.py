@@ -137,4 +137,4 @@ def _table(path: Path) -> DriveTorque:
             except MotionError as error:
                 raise UsageError(f"{path}: {error}") from error
     there = ", ".join(columns)
-    raise UsageError(f"{path}: needs the columns time_s and torque_Nm, or theta_rad and torque_Nm; there are: {there}")
+    raise UsageError(f"{path}: needs the columns time_s and torque_Nm, or theta_rad and torque_Nm; available: {there}")

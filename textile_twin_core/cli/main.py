@@ -25,7 +25,7 @@ COMMANDS = {
     "simulate": "outputs of a machine over a shaft motion, as a table or a recording",
     "replay": "a recording in, the same recording with the twin's predictions out",
     "compare": "measured against predicted torque: table, report, recording, plot",
-    "calibrate": "encoder and torque sensor settled from a recording, as a machine file",
+    "calibrate": "encoder and torque sensor calibrated from a recording, as a machine file",
     "identify": "forces, friction, event angles and inertia from a recording, with intervals",
     "drive": "the motion of a machine under a drive torque: run-up, coast-down, speed ripple",
     "orders": "order spectrum and order-speed map of a recording's signals",

@@ -56,4 +56,4 @@ def nearest(given: str, known: Iterable[str]) -> str:
     if near:
         return f"did you mean {' or '.join(near)}?"
     more = f" and {len(words) - _MOST_WORDS} more" if len(words) > _MOST_WORDS else ""
-    return f"there are: {', '.join(words[:_MOST_WORDS])}{more}"
+    return f"available: {', '.join(words[:_MOST_WORDS])}{more}"

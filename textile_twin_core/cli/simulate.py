@@ -35,16 +35,16 @@ def parser() -> Parser:
     """Build the argument parser."""
     parser = Parser(
         "simulate",
-        "Outputs of a machine over a motion of its shaft: one revolution at constant speed, or a table of motion.",
+        "Outputs of a machine over a motion of its shaft: one turn at constant speed, or a table of motion.",
         "textile-twin simulate tufting --rpm 160 --samples 360 --out turn.csv",
     )
     add_machine(parser, option=False)
-    parser.add_argument("--rpm", type=shaft_speed, metavar="R", help="one revolution at this constant speed")
+    parser.add_argument("--rpm", type=shaft_speed, metavar="R", help="one turn at this constant speed")
     parser.add_argument(
         "--samples",
         type=sample_count,
         metavar="N",
-        help=f"samples of the revolution, at theta = 2 pi k/N (default {_SAMPLES})",
+        help=f"samples of the turn, at theta = 2 pi k/N (default {_SAMPLES})",
     )
     parser.add_argument(
         "--input",
@@ -172,7 +172,7 @@ def _outputs(machine: AnyMachine, asked: str | None) -> list[str]:
 
 
 def _motion(arguments: argparse.Namespace) -> MotionTable:
-    """Return the motion of the shaft: a table, or one revolution at constant speed."""
+    """Return the motion of the shaft: a table, or one turn at constant speed."""
     revolution = arguments.rpm is not None or arguments.samples is not None
     if arguments.input is not None:
         if revolution:
@@ -191,7 +191,7 @@ def _motion(arguments: argparse.Namespace) -> MotionTable:
             )
         return motion
     if arguments.rpm is None:
-        raise UsageError("give the motion: --rpm R for one revolution, or --input motion.csv")
+        raise UsageError("give the motion: --rpm R for one turn, or --input motion.csv")
     samples = arguments.samples or _SAMPLES
     theta = 2.0 * math.pi * np.arange(samples) / samples
     omega = np.full(samples, arguments.rpm * 2.0 * math.pi / 60.0)

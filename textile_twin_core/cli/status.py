@@ -21,7 +21,7 @@ def parser() -> Parser:
     )
     parser.add_argument("--follow", action="store_true", help="update it every second, until Ctrl-C")
     parser.add_argument(
-        "--seconds", type=positive, help="listen so long first (default: 2.5, and up to 6 until a node is heard)"
+        "--seconds", type=positive, help="listen for this time first (default: 2.5, and up to 6 until a node is heard)"
     )
     return parser
 

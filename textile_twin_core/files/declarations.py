@@ -24,7 +24,7 @@ def unknown(what: str, given: str, known: list[str]) -> str:
     if _DIGITS.match(given):
         return f"unknown {what} '{given}'; digits behind a decimal comma? write numbers with a point, as 0.6"
     near = get_close_matches(given, known, n=2, cutoff=0.5)
-    hint = f"did you mean {' or '.join(near)}?" if near else f"there are: {', '.join(known)}"
+    hint = f"did you mean {' or '.join(near)}?" if near else f"available: {', '.join(known)}"
     return f"unknown {what} '{given}'; {hint}"
 
 

@@ -205,7 +205,7 @@ def _several(kinds: Mapping[str, type]) -> Callable[[Any, str], tuple[Any, ...]]
             entries = mapping_at(entry, at)
             tag = str(entries.pop("type", ""))
             if not tag:
-                raise MachineError(f"{at}: key 'type' is missing; there are: {', '.join(kinds)}")
+                raise MachineError(f"{at}: key 'type' is missing; available: {', '.join(kinds)}")
             if "triad" in tag.lower():
                 raise MachineError(f"{at}.type: no type '{tag}'; its links are no dyad: {BEYOND_DYADS}")
             if tag not in kinds:

@@ -118,7 +118,7 @@ def _wanted(path: Path, there: list[str]) -> list[str]:
     """Select the columns to read; an error names missing ones."""
     missing = [name for name in _NEEDED if name not in there]
     if missing:
-        raise MotionError(f"{path}: column {', '.join(missing)} is missing; there are: {', '.join(there) or 'none'}")
+        raise MotionError(f"{path}: column {', '.join(missing)} is missing; available: {', '.join(there) or 'none'}")
     wanted = [*_NEEDED, *([_TIME] if _TIME in there else [])]
     for name in wanted:
         if there.count(name) > 1:

@@ -120,7 +120,7 @@ class Declaration(Declared):
             if name not in known:
                 raise MachineError(
                     f"machine '{self.name}': {what} speaks of '{name}', which is no {kind}; "
-                    f"there are: {', '.join(known) or 'none'}"
+                    f"available: {', '.join(known) or 'none'}"
                 )
 
     @cached_property

@@ -16,7 +16,7 @@ from textile_twin_core.errors import MachineError
 from textile_twin_core.machine.eccentricity import Eccentricity
 
 ENCODER_OPTIONS: Mapping[str, str] = {
-    "teeth": "samples are edges of a wheel with so many teeth a turn, missing ones counted",
+    "teeth": "samples are edges of a wheel with this number of teeth a turn, missing ones included",
     "missing_teeth": "of these, how many are missing in the one gap before tooth 0",
     "cycle_turns": "turns of the shaft after which its motion repeats: 2 for half orders",
     "resolution_rad": "step of the encoder's angle in rad, estimated from the samples where it is not known",

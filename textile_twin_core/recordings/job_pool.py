@@ -20,7 +20,7 @@ from textile_twin_core.errors import RecordingError, TwinError, how_to_install
 J = TypeVar("J")
 R = TypeVar("R")
 
-_KILLED = "its process was killed, most likely for want of memory: give it fewer processes (--workers), or more memory"
+_KILLED = "its process was killed, most likely for lack of memory: give it fewer processes (--workers), or more memory"
 
 
 @dataclass(frozen=True)

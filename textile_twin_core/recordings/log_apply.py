@@ -206,7 +206,7 @@ def seconds_of(clock: Clock, columns: Mapping[str, FloatArray]) -> FloatArray:
     else:
         factor = 1.0 if unit == DATED else unit_factor(unit, TIME_UNITS) or math.nan
     if math.isnan(factor):
-        raise RecordingError(f"column '{clock.column}': time in '{clock.unit}'? there are: {', '.join(TIME_UNITS)}")
+        raise RecordingError(f"column '{clock.column}': time in '{clock.unit}'? available: {', '.join(TIME_UNITS)}")
     finite = values[np.isfinite(values)]
     if unit == "days" and finite.size and _EXCEL_DAYS[0] <= finite[0] <= _EXCEL_DAYS[1]:
         values = values - _EXCEL_1970
@@ -239,7 +239,7 @@ def angle_factor(channel: Channel) -> float:
             else ", ".join([*ANGLE_TURNS, "or the counts of a turn"])
         )
         raise RecordingError(
-            f"column '{channel.column}': angle in '{unit}'? {'' if counts else 'there are: '}{known}"
+            f"column '{channel.column}': angle in '{unit}'? {'' if counts else 'available: '}{known}"
         ) from None
 
 
@@ -264,7 +264,7 @@ def newton_metres(channel: Channel, columns: Mapping[str, FloatArray]) -> FloatA
     factor = channel.scale if channel.scale is not None else unit_factor(spelled(channel.unit), TORQUE_UNITS)
     if factor is None:
         raise RecordingError(
-            f"column '{channel.column}': torque in '{channel.unit}'? there are: {', '.join(TORQUE_UNITS)}; for any"
+            f"column '{channel.column}': torque in '{channel.unit}'? available: {', '.join(TORQUE_UNITS)}; for any"
             " other give --torque-scale, N m per unit"
         )
     return np.asarray(_column(columns, channel) * factor)
@@ -276,14 +276,14 @@ def si_units(channel: Channel, columns: Mapping[str, FloatArray]) -> FloatArray:
     factor = channel.scale if channel.scale is not None else unit_factor(unit, QUANTITY_UNITS) if unit else 1.0
     if factor is None:
         raise RecordingError(
-            f"column '{channel.column}': a quantity in '{unit}'? there are: {', '.join(QUANTITY_UNITS)}"
+            f"column '{channel.column}': a quantity in '{unit}'? available: {', '.join(QUANTITY_UNITS)}"
         )
     return np.asarray(_column(columns, channel) * factor)
 
 
 def _column(columns: Mapping[str, FloatArray], channel: Channel) -> FloatArray:
     if channel.column not in columns:
-        raise RecordingError(f"no column '{channel.column}'; there are: {describe(columns)}")
+        raise RecordingError(f"no column '{channel.column}'; available: {describe(columns)}")
     return columns[channel.column]
 
 

@@ -197,7 +197,7 @@ def _from_structures(path: Path, content: dict[str, Any], table: str | None, hea
     """
     if table is not None:
         if table not in content:
-            raise RecordingError(f"{path}: no variable '{table}'; there are: {', '.join(content) or 'none'}")
+            raise RecordingError(f"{path}: no variable '{table}'; available: {', '.join(content) or 'none'}")
         content = {table: content[table]}
     fields: tuple[str, ...] = ()
     if len(content) == 1 and isinstance(next(iter(content.values())), dict):
@@ -207,7 +207,7 @@ def _from_structures(path: Path, content: dict[str, Any], table: str | None, hea
     _take(content, "", "", columns, matrices, head, fields)
     if not columns and len(matrices) > 1:
         raise RecordingError(
-            f"{path}: which matrix holds the log? there are: {', '.join(matrices)}; name one with --table"
+            f"{path}: which matrix holds the log? available: {', '.join(matrices)}; name one with --table"
         )
     if not columns and not matrices:
         return {}
@@ -385,7 +385,7 @@ def _groups(path: Path, groups: dict[str, Any], table: str | None) -> list[Any]:
     if table is None:
         return list(groups.values())
     if table not in groups:
-        raise RecordingError(f"{path}: no group '{table}'; there are: {', '.join(groups) or 'none'}")
+        raise RecordingError(f"{path}: no group '{table}'; available: {', '.join(groups) or 'none'}")
     return [groups[table]]
 
 

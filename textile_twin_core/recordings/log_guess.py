@@ -179,10 +179,10 @@ class _Guess:
         """Raise RecordingError for a column that is missing or has no numbers."""
         if name in self._head.left_out:
             raise RecordingError(
-                f"column '{name}' holds {self._head.left_out[name]}, no numbers of use; there are: {self._describe()}"
+                f"column '{name}' holds {self._head.left_out[name]}, no numbers of use; available: {self._describe()}"
             )
         if name not in self._columns:
-            raise RecordingError(f"no column '{name}'; there are: {self._describe()}")
+            raise RecordingError(f"no column '{name}'; available: {self._describe()}")
 
     def _channel(self, kind: str, needed: bool = False) -> Channel | None:
         """Choose the channel of a kind (angle, torque) with its column and unit; None if the log has no such column."""

@@ -298,7 +298,7 @@ def by_signal(written: Mapping[str, Any], form: LongForm, head: Head) -> dict[st
     for name in (form.signal, form.value):
         if name not in written:
             raise RecordingError(
-                f"no column '{name}' of a log with a row for each value; there are: {', '.join(written)}"
+                f"no column '{name}' of a log with a row for each value; available: {', '.join(written)}"
             )
     signal, value = written[form.signal], written[form.value]
     names = [str(name) for name in compute.unique(signal).to_pylist() if name]

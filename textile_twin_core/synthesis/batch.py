@@ -69,7 +69,7 @@ class Batch:
         names = tuple(names)
         for name in names:
             if name not in self.names:
-                raise SceneError(f"there is no number '{name}'; there are: {', '.join(self.names)}")
+                raise SceneError(f"there is no number '{name}'; available: {', '.join(self.names)}")
         for slot in values:
             if slot not in self.base:
                 raise SceneError(f"machine '{self.machine.name}' has no number '{slot}'")

@@ -44,7 +44,7 @@ class ContactDrawing:
         machine: Machine to draw.
         stream: Stream to draw into.
         place: Function that returns an element's position [m] at times (n,), up to the latest sample.
-        row: Function that returns the place of an element's block across the line [m].
+        row: Function that returns the position of an element's block across the line [m].
         reach: Half the length of a mark across the line [m].
     """
 

@@ -143,5 +143,5 @@ class ElementDrawing:
         return np.interp(time_s, self._time, self._places[:, self._machine.elements.index(element)])
 
     def _row(self, element: str) -> float:
-        """Return the place of an element's block across the line [m]."""
+        """Return the position of an element's block across the line [m]."""
         return self._machine.elements.index(element) * _PITCH * self._stroke

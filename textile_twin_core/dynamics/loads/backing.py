@@ -98,5 +98,5 @@ class Backing:
         measure = context.measures.get(self.on)
         if not isinstance(measure, Travel):
             there = ", ".join(m.name for m in context.measures.values() if isinstance(m, Travel)) or "none"
-            raise MachineError(f"backing on '{self.on}': there is no straight travel of this name; there are: {there}")
+            raise MachineError(f"backing on '{self.on}': there is no straight travel of this name; available: {there}")
         return measure

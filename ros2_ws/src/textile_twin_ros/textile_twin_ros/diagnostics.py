@@ -109,7 +109,7 @@ class DiagnosticsPublisher:
                 self._node.get_logger().warning(f"{status.name}: {text}")
         if reported and status.level == OK:
             reported.clear()
-            self._node.get_logger().info(f"{status.name}: in order again")
+            self._node.get_logger().info(f"{status.name}: recovered")
 
 
 def _text(value: object) -> str:

@@ -54,7 +54,7 @@ class FaultParameters:
     before_s: float = parameter(10.0, "seconds of all topics before an alarm in its recording", between=(0.0, 600.0))
     after_s: float = parameter(10.0, "seconds of all topics after it", between=(0.0, 600.0))
     topics: tuple[str, ...] = parameter(
-        (), "topics to record; none given means all of this namespace's machine that there are and come to be"
+        (), "topics to record; none given means all of this namespace's machine, later ones too"
     )
     types: tuple[str, ...] = parameter(
         (), "message types known beforehand, as main_shaft/angle=sensor_msgs/msg/JointState; others are discovered"

@@ -197,10 +197,10 @@ def publisher_findings(publishers: Iterable[str], what: str, of_other_joints: in
 
 
 def late_findings(late_s: float) -> list[Finding]:
-    """A node that comes to its messages so long [s] after they came in: its queues overflow before long."""
+    """Report a node this far [s] behind its input: its queues overflow before long."""
     if late_s < _LATE_S:
         return []
-    text = f"this node comes {late_s:.1f} s late to its messages: the computer has too little processor time for it"
+    text = f"this node is {late_s:.1f} s behind its input: the computer has too little CPU time for it"
     return [Finding("late", WARN, text)]
 
 
@@ -243,7 +243,7 @@ def residual_findings(rms_Nm: float, measured_rms_Nm: float, limit_Nm: float) ->
         over, text = rms_Nm > limit_Nm, f"{text} over its limit of {limit_Nm:g} N m"
     else:
         over = rms_Nm > measured_rms_Nm > 0.0
-        text = f"{text} larger than the measured torque, {measured_rms_Nm:.3g} N m rms: textile-twin compare tells why"
+        text = f"{text} larger than the measured torque, {measured_rms_Nm:.3g} N m rms: textile-twin compare says why"
     return [Finding("residual", WARN, text)] if over else []
 
 

@@ -55,8 +55,8 @@ class MonitorParameters(SensorParameters):
 
     shaft: str = parameter("lag", "estimator of the shaft's state", choices=("causal", "lag"))
     learn_turns: int = parameter(100, "turns from which the machine's own band is learnt", between=(20, 100_000))
-    raise_sigmas: float = parameter(8.0, "an alarm comes this far outside the band", between=(3.0, 1000.0))
-    clear_sigmas: float = parameter(4.0, "and goes when it is nearer than this", between=(1.0, 1000.0))
+    raise_sigmas: float = parameter(8.0, "an alarm is raised this far outside the band", between=(3.0, 1000.0))
+    clear_sigmas: float = parameter(4.0, "and cleared within this", between=(1.0, 1000.0))
     parquet: str = parameter("", "folder for the trend of every turn, a file for each hour; empty writes none")
     book: str = parameter("", "folder of the fault book: alarms and what was learnt outlive this process; empty: none")
     executor: str = parameter("events", "how callbacks are run", choices=EXECUTORS)
@@ -79,7 +79,7 @@ class MonitorNode(Node):
         self._begin()
         if self._book is not None and self._book.resume(self._monitor.watch, self._fingerprint):
             self.get_logger().info(
-                f"goes on with what was learnt before, and {len(self._monitor.watch.standing)} alarms"
+                f"continues with the band learnt before, and {len(self._monitor.watch.standing)} alarms"
             )
         depth = depth_for(settings.rate_hz)
         self._angles: list[Sample] = []

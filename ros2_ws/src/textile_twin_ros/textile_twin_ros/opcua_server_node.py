@@ -89,7 +89,7 @@ class OpcuaServerParameters(ServerSecurityParameters):
     location: str = parameter("", "where it stands")
     rate_hz: float = parameter(0.0, "values of a variable a second at most; 0: every one", between=(0.0, 1e4))
     standstill_rad_s: float = parameter(0.1, "below this speed the machine is not executing", between=(0.0, 100.0))
-    no_data_timeout_s: float = parameter(2.0, "without samples for so long it is not available", between=(0.1, 1e6))
+    no_data_timeout_s: float = parameter(2.0, "not available after this time without samples", between=(0.1, 1e6))
     executor: str = parameter("events", "how callbacks are run", choices=EXECUTORS)
 
 

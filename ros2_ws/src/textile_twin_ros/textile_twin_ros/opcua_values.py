@@ -93,7 +93,7 @@ class NodeName:
             return self._node_id
         there = await client.get_namespace_array()
         if self._uri not in there:
-            raise ua.UaError(f"{self.text}: the server has no namespace {self._uri}; there are {', '.join(there)}")
+            raise ua.UaError(f"{self.text}: the server has no namespace {self._uri}; available: {', '.join(there)}")
         return ua.NodeId(self._node_id.Identifier, there.index(self._uri), self._node_id.NodeIdType)
 
 

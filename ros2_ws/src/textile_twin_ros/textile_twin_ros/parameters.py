@@ -159,7 +159,7 @@ def _warn_of_unknown(node: Node, known: dict[str, Any]) -> None:
         if name in known or name in own or name.startswith("qos_overrides."):
             continue
         nearest = difflib.get_close_matches(name, known, n=1)
-        hint = f"; did you mean '{nearest[0]}'?" if nearest else f"; there are {', '.join(sorted(known))}"
+        hint = f"; did you mean '{nearest[0]}'?" if nearest else f"; available: {', '.join(sorted(known))}"
         node.get_logger().warning(f"parameter '{name}' is not one of this node's{hint}")
 
 

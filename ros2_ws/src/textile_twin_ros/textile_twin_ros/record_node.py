@@ -57,7 +57,7 @@ class RecordParameters:
     bag: str = parameter("", "folder to write; a later recording of the same node gets _2, _3 and so on")
     folder: str = parameter("", "instead of bag: folder in which each recording is named by its date and time")
     topics: tuple[str, ...] = parameter(
-        (), "topics to record; none given means all of this namespace's machine that there are and come to be"
+        (), "topics to record; none given means all of this namespace's machine, later ones too"
     )
     types: tuple[str, ...] = parameter(
         (), "message types known beforehand, as main_shaft/angle=sensor_msgs/msg/JointState; others are discovered"
@@ -69,20 +69,18 @@ class RecordParameters:
     )
     queue_s: float = parameter(5.0, "how many seconds of messages the queues hold", between=(0.01, 1e4))
     split_MB: float = parameter(500.0, "begin a new file of the recording at this size; 0 never", between=(0.0, 1e6))
-    split_minutes: float = parameter(60.0, "begin a new file after so long; 0 never", between=(0.0, 1e5))
+    split_minutes: float = parameter(60.0, "begin a new file after this time; 0 never", between=(0.0, 1e5))
     keep_GB: float = parameter(
         0.0,
         "remove the oldest files of the recording, with folder the oldest recordings, beyond this; 0 keeps all",
         between=(0.0, 1e6),
     )
-    stop_when_idle_s: float = parameter(
-        0.0, "end after so long without a message, once there was one; 0 is never", between=(0.0, 1e6)
-    )
+    stop_when_idle_s: float = parameter(0.0, "end this long after the last message; 0 is never", between=(0.0, 1e6))
     stop_after: tuple[str, ...] = parameter(
-        (), "end when so many messages of these topics are recorded, as balancing_torque/predicted=22682"
+        (), "end when this number of messages of each topic is recorded, as balancing_torque/predicted=22682"
     )
     no_data_timeout_s: float = parameter(
-        2.0, "say so when a topic stays silent for so long", between=(0.1, 1e6), live=True
+        2.0, "report a topic that is silent for longer than this", between=(0.1, 1e6), live=True
     )
     executor: str = parameter("single", "how callbacks are run; events records no times of sending", choices=EXECUTORS)
 

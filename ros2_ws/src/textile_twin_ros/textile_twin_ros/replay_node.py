@@ -62,7 +62,7 @@ class ReplayParameters:
         "topics that need subscribers before playing begins, as main_shaft/angle or, for two, main_shaft/angle=2;"
         " none given means one on any topic",
     )
-    wait_timeout_s: float = parameter(30.0, "give up without them after so long; 0 does not wait", between=(0.0, 1e6))
+    wait_timeout_s: float = parameter(30.0, "give up without them after this time; 0 does not wait", between=(0.0, 1e6))
     loop: bool = parameter(False, "begin again at the end; the stamps in headers go on")
     clock_rate_hz: float = parameter(0.0, "publish recorded time on /clock this often; 0 is never", between=(0.0, 1e4))
     qos_depth: int = parameter(
@@ -70,7 +70,7 @@ class ReplayParameters:
     )
     acknowledge_timeout_s: float = parameter(
         30.0,
-        "at the end, wait so long until every subscriber has everything; one that was killed is waited for 20 s,"
+        "longest wait at the end until every subscriber has everything; one that was killed is waited for 20 s,"
         " until the middleware forgets it",
         between=(0.0, 1e6),
     )

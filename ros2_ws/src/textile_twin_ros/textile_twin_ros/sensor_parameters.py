@@ -24,7 +24,7 @@ from textile_twin_core.machine import ENCODER_OPTIONS
 from textile_twin_ros.parameters import parameter
 from textile_twin_ros.sample_inputs import ANGLE_READERS, TORQUE_READERS
 
-_FILE = "as the machine file says"
+_FILE = "from the machine file"
 
 
 @dataclass
@@ -74,5 +74,5 @@ class SensorParameters(EncoderParameters):
         "auto", "of the inputs; auto goes by the publishers", choices=("auto", "reliable", "best_effort")
     )
     no_data_timeout_s: float = parameter(
-        2.0, "say so when an input stays silent so long", between=(0.1, 1e6), live=True
+        2.0, "report an input that is silent for longer than this", between=(0.1, 1e6), live=True
     )

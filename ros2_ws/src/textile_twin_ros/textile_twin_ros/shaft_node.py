@@ -53,7 +53,7 @@ class ShaftParameters(EncoderParameters):
 
     angle_type: str = parameter(
         "joint_state",
-        "what the encoder tells: its angle, or edges: a std_msgs/Header for each tooth",
+        "what the encoder sends: its angle, or edges: a std_msgs/Header for each tooth",
         choices=("joint_state", "edges"),
     )
     index: bool = parameter(
@@ -68,7 +68,7 @@ class ShaftParameters(EncoderParameters):
     encoder_bits: int = parameter(16, "resolution of the encoder; 0 is exact", between=(0, 30))
     torque_noise_Nm: float = parameter(0.05, "standard deviation of the torque sensor's noise", between=(0.0, 1e6))
     seed: int = parameter(0, "of the noise", between=(0, 2**31))
-    duration_s: float = parameter(0.0, "end after so long; 0 is never", between=(0.0, 1e9))
+    duration_s: float = parameter(0.0, "end after this time; 0 is never", between=(0.0, 1e9))
     executor: str = parameter("events", "how callbacks are run", choices=EXECUTORS)
 
 

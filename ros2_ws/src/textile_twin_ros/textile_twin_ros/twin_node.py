@@ -153,7 +153,7 @@ class TwinNode(LifecycleNode):
             outputs = topics_of(machine)
             unknown = [topic for topic in settings.wait_for if topic not in outputs]
             if unknown:
-                raise TwinError(f"parameter 'wait_for': no output '{unknown[0]}'; there are {', '.join(outputs)}")
+                raise TwinError(f"parameter 'wait_for': no output '{unknown[0]}'; available: {', '.join(outputs)}")
             used = {INDEX: settings.index, SECOND_ANGLE: has_second_encoder(machine)}
             inputs = tuple(name for name in INPUTS if used.get(name, True))
             refuse_own_outputs(self, inputs, (*outputs, *DESCRIPTIONS, "/diagnostics"))

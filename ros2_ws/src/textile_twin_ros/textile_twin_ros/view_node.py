@@ -61,7 +61,9 @@ class ViewParameters:
     qos_reliability: str = parameter(
         "auto", "of the inputs; auto goes by the publishers", choices=("auto", "reliable", "best_effort")
     )
-    no_data_timeout_s: float = parameter(2.0, "say so when an input is silent so long", between=(0.1, 1e6), live=True)
+    no_data_timeout_s: float = parameter(
+        2.0, "report an input that is silent for longer than this", between=(0.1, 1e6), live=True
+    )
     executor: str = parameter("events", "how callbacks are run", choices=EXECUTORS)
 
 
@@ -161,7 +163,7 @@ class ViewNode(Node):
         if self._view.error is not None:
             return [*inputs, Status("view", ERROR, str(self._view.error))]
         dropped = self._view.dropped
-        text = f"serving {self._view.url or 'nobody'}"
+        text = f"serving {self._view.url or 'no viewer'}"
         return [*inputs, Status("view", WARN if dropped else OK, text, {"samples_not_drawn": dropped})]
 
 
