@@ -64,7 +64,7 @@ _CERTAIN = 4.0
 _CAUSES = {
     "force": "load_force",
     "free_force": "load_force",
-    "joint_friction": "load_force",
+    "load": "load_force",
     "plane": "load_force",
     "spring": "spring",
     "preload": "spring",
@@ -463,7 +463,7 @@ def _of_machine(found: Judged, name: str) -> Cause:
     other, more = _equivalents(found, name)
     away = f"{value:.4g} +- {sigma:.2g} {known.unit}".rstrip() + f" instead of {known.nominal:.4g}"
     text = f"{name} is wrong in the machine file: {away}{more}"
-    relative = known.nominal != 0.0 and known.kind in ("force", "spring", "mass", "inertia", "length", "joint_friction")
+    relative = known.nominal != 0.0 and known.kind in ("force", "spring", "mass", "inertia", "length", "load")
     if relative:
         value, sigma = value / known.nominal, sigma / abs(known.nominal)
     return Cause(_CAUSES[known.kind], text, value, sigma, name, other)

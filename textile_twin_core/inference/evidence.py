@@ -30,7 +30,7 @@ _OF_BODIES = (
     "angle",
     "spring",
     "preload",
-    "joint_friction",
+    "load",
     "plane",
 )
 """Kinds of the numbers of bodies, links and springs."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
@@ -79,7 +80,8 @@ PRIORS: Mapping[str, Prior] = {
     "free_force": Prior(0.002, 0.03, 0.01, 0.01),
     "spring": Prior(0.02, 0.3, 0.02, 0.06),
     "preload": Prior(3e-3, 0.1, 0.005, 0.02),
-    "joint_friction": Prior(0.05, 0.5, 0.01, 0.1),
+    # Any other number of a load: friction of a joint, damping, the drag of a load of a user's own.
+    "load": Prior(0.05, 0.5, 0.01, 0.1),
     # Plane of the backing [m]: set with a gauge, or not at all.
     "plane": Prior(5e-5, 2e-3, 0.01, 3e-4),
     # Bodies: weighed or taken from a drawing; a part that was exchanged or forgotten changes more.
@@ -107,10 +109,6 @@ _OF_ATTRIBUTE = {
     "angle_rad": "angle",
     "slot_angle_rad": "angle",
     "phase_rad": "angle",
-    "force_N": "joint_friction",
-    "torque_Nm": "joint_friction",
-    "viscous_Nms": "joint_friction",
-    "viscous_Ns_m": "joint_friction",
     "stiffness_N_m": "spring",
     "stiffness_Nm_rad": "spring",
     "free_length_m": "preload",
@@ -124,14 +122,16 @@ _RESOLVED = 0.1
 """Uncertainty of an order's acceleration, over its torque, below which the encoder resolves it."""
 _MOST_RIPPLE, _FELT = 16, 2e-3
 """Most orders of the ripple in a fit; their least torque over the working torque."""
-_RELATIVE = ("mass", "inertia", "length", "spring", "joint_friction", "force")
+_RELATIVE = ("mass", "inertia", "length", "spring", "load", "force")
 _NO_SIZE = 1e-50
 """Size below which a number has no relative tolerance, and no effect."""
 _SHORTEST = 0.8
 """Least length over its nominal value: a linkage of shorter lengths is another machine."""
-_NOT_NEGATIVE = ("mass", "inertia", "spring", "joint_friction", "force", "free_force")
-_UNITS = {"mass": "kg", "inertia": "kg m2", "ground": "m", "plane": "m", "angle": "rad", "centroid": "lengths"}
-_BY_SUFFIX = {"_N_m": "N/m", "_Nm_rad": "N m/rad", "_Nms": "N m s", "_Ns_m": "N s/m", "_Nm": "N m", "_N": "N"}
+_NOT_NEGATIVE = ("mass", "inertia", "spring", "load", "force", "free_force")
+_OF_UNIT = {"kg": "mass", "kg m2": "inertia", "m": "length", "rad": "angle"}
+"""Kind of a number whose name is not in `_OF_ATTRIBUTE`, by its unit; in a load `load` for any other unit."""
+_UNIT = re.compile(r"(kg|rad|Pa|Hz|N|J|W|m|s)(\d?)")
+"""Unit in the last parts of a name, the first over the others, as `drag_Ns2_m2`."""
 
 
 @dataclass(frozen=True)
@@ -179,7 +179,7 @@ def parameters(machine: Machine, point: WorkingPoint) -> tuple[tuple[ModelParame
         name, low = slot.path, 0.0 if kind in _NOT_NEGATIVE else -math.inf
         if kind == "length":
             low = _SHORTEST * value
-        own.append(_of(kind, name, value, scale, _unit(kind, slot), low))
+        own.append(_of(kind, name, value, scale, _unit(slot), low))
         held[name] = slot
     return tuple(_with_tolerance(machine, known) for known in _checked(machine, own)), held
 
@@ -288,11 +288,19 @@ def _kind(machine: Machine, slot: Slot) -> str:
         return {"force_N": "force", "free_force_N": "free_force"}.get(slot.attribute, "plane")
     if slot.field == "points":
         return "ground"
-    return _OF_ATTRIBUTE.get(slot.attribute, "")
+    if slot.attribute in _OF_ATTRIBUTE:
+        return _OF_ATTRIBUTE[slot.attribute]
+    return _OF_UNIT.get(_unit(slot), "load" if part is not None else "")
 
 
-def _unit(kind: str, slot: Slot) -> str:
-    if kind in _UNITS:
-        return _UNITS[kind]
-    found = next((unit for suffix, unit in _BY_SUFFIX.items() if slot.attribute.endswith(suffix)), "")
-    return found or ("rad" if slot.attribute.endswith("_rad") else "m" if slot.attribute.endswith("_m") else "")
+def _unit(slot: Slot) -> str:
+    """Unit of a number by its name."""
+    if slot.attribute == "centroid":
+        return "lengths"
+    units: list[str] = []
+    for part in reversed(slot.name.rsplit(".", 1)[-1].split("_")[1:]):
+        found = _UNIT.findall(part)
+        if "".join(map("".join, found)) != part:
+            break
+        units.insert(0, " ".join(map("".join, found)))
+    return "/".join(units)

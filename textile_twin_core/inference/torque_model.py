@@ -1,7 +1,8 @@
 """Torque of a machine over the shaft's state, and its slopes by every number of the machine.
 
-Over the shaft angle theta the torque is J alpha + C omega^2 + G + F sign(omega) + D omega. Each function of the angle
-is evaluated from the expression graph at the nodes of one table, for the machine and for the machine with each number
+Over the shaft angle theta the torque is J alpha + sum_p (E_p + O_p sign(omega)) |omega|^p with p = 0 .. 3: E_0 is the
+weight, E_2 holds the linkage's own J'/2, O_0 is dry friction, O_1 damping, O_2 a drag. Each function of the angle is
+evaluated from the expression graph at the nodes of one table, for the machine and for the machine with each number
 changed; samples read the tables by linear interpolation. Linkages at the same phase are evaluated once.
 """
 
@@ -43,7 +44,14 @@ SPREAD_RAD = 0.03
 _BESIDE = 1e-6
 _ROUNDING = 1e-9
 """Relative size of the rounding errors of slopes."""
-INERTIA, SQUARE, WEIGHT, DRY, DAMPING = range(5)
+_SPEEDS = np.array([0.5, 1.0, 1.5, 2.0])
+"""Shaft speeds, over the nominal one, that give the powers 0 to 3 of a load's torque in each direction."""
+_POWERS = range(_SPEEDS.size)
+INERTIA, EVEN, ODD = 0, 1, 1 + len(_POWERS)
+"""Rows of a table: inertia, then the functions of the powers of the speed, even in its sign and odd."""
+WEIGHT, SQUARE, DRY, DAMPING = EVEN, EVEN + 2, ODD, ODD + 1
+_TRAVELS = ODD + len(_POWERS)
+"""First row of the positions of travels, each before its derivative."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +111,7 @@ class TabulatedTorque:
         self.nominal = Linearisation(here, self._evaluate(here))
         self._known = {tuple(here.values()): self.nominal}
         self._slopes = self._slopes_at_nominal()
-        travel = self.nominal.table[5 : 5 + 2 * len(self._backings) * len(self._phases) : 2]
+        travel = self.nominal.table[_TRAVELS : _TRAVELS + 2 * len(self._backings) * len(self._phases) : 2]
         entry = [load.entry_plane_m for load in self._backings for _ in self._phases]
         self._passes = [bool(np.max(h) >= plane) for h, plane in zip(travel, entry, strict=True)]
 
@@ -144,7 +152,7 @@ class TabulatedTorque:
     def depends_on_angle(self) -> bool:
         """True if the torque depends on the shaft angle; without a linkage it does not."""
         w, table = self._speed, self.nominal.table
-        torque = table[SQUARE] * w**2 + table[WEIGHT] + table[DRY] + table[DAMPING] * w
+        torque = sum((table[EVEN + p] + table[ODD + p]) * w**p for p in _POWERS)
         return bool(np.ptp(torque) > 1e-12 * np.max(np.abs(table[INERTIA])) * w**2 or self._backings)
 
     def linearised(self, values: Mapping[str, float], departing: Collection[str]) -> Linearisation:
@@ -207,11 +215,20 @@ class TabulatedTorque:
         sign = np.sign(omega) if way is None else way
         place, share = self._place(theta)
         rows = self._read(table, place, share)
-        inertia, square, weight, dry, damping = rows[:5]
-        torque = (inertia + values[ROTOR]) * alpha + square * omega**2 + weight + dry * sign
-        torque = torque + (damping + values[VISCOUS]) * omega + values[COULOMB] * sign
+        inertia = rows[INERTIA]
+        torque = (inertia + values[ROTOR]) * alpha + values[VISCOUS] * omega + values[COULOMB] * sign
         out: dict[str, Any] = {VISCOUS: omega, COULOMB: sign, ROTOR: alpha} if slopes else {}
-        factors: dict[int, Any] = {INERTIA: alpha, SQUARE: omega**2, WEIGHT: 1.0, DRY: sign, DAMPING: omega}
+        factors: dict[int, Any] = {INERTIA: alpha}
+        by_omega: FloatArray = np.full_like(omega, values[VISCOUS])
+        ahead, power = np.sign(omega), np.ones_like(omega)
+        below = np.zeros_like(omega)
+        for p in _POWERS:
+            for row, factor, slope in ((EVEN + p, power, ahead), (ODD + p, power * sign, 1.0)):
+                factors[row] = factor
+                if np.any(rows[row]):
+                    torque = torque + rows[row] * factor
+                    by_omega = by_omega + p * rows[row] * below * slope
+            below, power = power, power * np.abs(omega)
         variance = np.zeros_like(torque)
         counts = list(self._phases.values())
         for k, passes in enumerate(self._passes):
@@ -221,7 +238,7 @@ class TabulatedTorque:
                 values[names[what]] if what in names else getattr(backing, what)
                 for what in ("force_N", "free_force_N", "entry_plane_m", "exit_plane_m")
             )
-            travel, rate = rows[5 + 2 * k], rows[6 + 2 * k]
+            travel, rate = rows[_TRAVELS + 2 * k], rows[_TRAVELS + 1 + 2 * k]
             going_in = rate * omega > 0.0
             width = np.abs(rate) * spread_rad + _BESIDE
             away = (travel - np.where(going_in, entry, leave)) / width
@@ -239,20 +256,19 @@ class TabulatedTorque:
                 ):
                     if what in names:
                         out[names[what]] = out.get(names[what], 0.0) + column
-                factors[5 + 2 * k] = -bump
-                factors[6 + 2 * k] = count * np.sign(rate) * sign * (free + (force - free) * inside)
+                factors[_TRAVELS + 2 * k] = -bump
+                factors[_TRAVELS + 1 + 2 * k] = count * np.sign(rate) * sign * (free + (force - free) * inside)
         variance = variance + self._beside_steps(rows, sign, omega, spread_rad)
         if slopes and self.tabulated and not only_forces:
             found = self._chain(factors, place, share)
             out |= {p.name: found[:, k] for k, p in enumerate(self.tabulated)}
-        by_omega = 2.0 * square * omega + damping + values[VISCOUS]
         return Torque(torque, out, variance, by_omega, inertia + values[ROTOR])
 
     def _beside_steps(self, rows: list[Any], sign: FloatArray, omega: FloatArray, spread_rad: float) -> Any:
         """Variance (m,) of samples beside a step of a force curve, whose side is uncertain."""
         counts, variance = list(self._phases.values()), 0.0
         for k, (load, count) in enumerate((load, count) for load in self._curves for count in counts):
-            place = 5 + 2 * (len(self._backings) * len(counts) + k)
+            place = _TRAVELS + 2 * (len(self._backings) * len(counts) + k)
             travel, rate = rows[place], rows[place + 1]
             width = np.abs(rate) * spread_rad + _BESIDE
             for at, coming_in, going_out in load.steps:
@@ -309,15 +325,15 @@ class TabulatedTorque:
         travels += [displacements[load.measure.removesuffix(POSITION)] for load in self._curves]
         parts = [reduced.inertia, reduced.half_slope, reduced.potential_slope]
         parts += [expr for each in travels for expr in (each.position, each.first)]
-        rows = np.zeros((5 + 2 * len(travels) * len(self._phases), _NODES))
+        rows = np.zeros((_TRAVELS + 2 * len(travels) * len(self._phases), _NODES))
         with np.errstate(all="ignore"):
             for number, (phase, count) in enumerate(self._phases.items()):
                 theta = self._theta + (phase - machine.linkages[0].phase_rad)
                 found = interpret(parts, _states(theta, self._speed), np)
-                for k in range(3):
-                    rows[k] += count * found[k]
+                for k, row in enumerate((INERTIA, SQUARE, WEIGHT)):
+                    rows[row] += count * found[k]
                 for k in range(len(travels)):
-                    place = 5 + 2 * (k * len(self._phases) + number)
+                    place = _TRAVELS + 2 * (k * len(self._phases) + number)
                     rows[place], rows[place + 1] = found[3 + 2 * k], found[4 + 2 * k]
                 firsts = int(number == 0)
                 for pull, times in zip(pulls, (firsts, count - firsts), strict=True):
@@ -338,13 +354,18 @@ class TabulatedTorque:
         return self._linkages[key][1]
 
     def _loads(self, pull: Expr, theta: FloatArray) -> list[tuple[int, Any]]:
-        """Weight-like, dry and damping parts of the loads, from their torque at two speeds in each direction."""
+        """Functions of the angle of the loads' torque, by the powers of the speed in each direction."""
         if pull.is_constant:
             return [(WEIGHT, pull.value)]
-        w = self._speed
-        ahead, back, ahead2, back2 = (interpret([pull], _states(theta, v), np)[0] for v in (w, -w, 2.0 * w, -2.0 * w))
-        damping = ((ahead2 - back2) - (ahead - back)) / (2.0 * w)
-        return [(WEIGHT, 0.5 * (ahead + back)), (DRY, 0.5 * (ahead - back) - damping * w), (DAMPING, damping)]
+        speeds = self._speed * np.concatenate([_SPEEDS, -_SPEEDS])
+        states = {"theta": np.tile(theta, speeds.size), "omega": np.repeat(speeds, theta.size)}
+        states["alpha"] = np.zeros(speeds.size * theta.size)
+        torque = np.broadcast_to(interpret([pull], states, np)[0], states["theta"].shape).reshape(2, -1, theta.size)
+        powers = np.linalg.solve(np.vander(_SPEEDS, increasing=True), torque)  # (2, powers, nodes), of |speed|
+        powers[np.abs(powers) < _ROUNDING * np.max(np.abs(torque))] = 0.0
+        powers = powers / self._speed ** np.array(_POWERS)[:, None]
+        even, odd = 0.5 * (powers[0] + powers[1]), 0.5 * (powers[0] - powers[1])
+        return [*zip(range(EVEN, ODD), even, strict=True), *zip(range(ODD, _TRAVELS), odd, strict=True)]
 
 
 def _states(theta: FloatArray, speed: float) -> dict[str, FloatArray]:
