@@ -20,12 +20,12 @@ from textile_twin_core.comparison.calibration import Ambiguity
 from textile_twin_core.comparison.causes import Cause
 from textile_twin_core.comparison.fault_watch import Alarm
 from textile_twin_core.files.machine_file import load_machine_file as load_machine
-from textile_twin_core.fmu.symbolic_machine import symbolic_machine
 from textile_twin_core.inference.parameter import BESIDE, ECCENTRICITY, HELD, OF_CHAIN, SENSORS
 from textile_twin_core.inference.priors import WorkingPoint
 from textile_twin_core.inference.priors import parameters as parameters_of
 from textile_twin_core.machine import Machine
 from textile_twin_core.machine.slots import slots
+from textile_twin_core.machines.symbolic_machine import symbolic_machine
 from textile_twin_core.recordings.fault_book import Fault
 
 SOURCES = ("textile_twin_core", "ros2_ws/src/textile_twin_ros/textile_twin_ros", "launch_scripts")

@@ -45,7 +45,8 @@ def test_a_design_is_drawn_and_exported(name: str) -> None:
 def test_random_draws_within_tolerances_stay_near_the_design(name: str, measure: str) -> None:
     machine = ttc.load_machine(f"examples/{name}.yaml")
     assert isinstance(machine, Machine)
-    family, batch = family_of(machine), Batch(machine)
+    family = family_of(machine)
+    batch = Batch(family)
     number = f"{measure}_stroke_m"
     tolerances = {p.name: 1e-4 for p in family.parameters if p.name.endswith(("length_m", "offset_m"))}
     drawn = monte_carlo(family, {}, batch, [number], tolerances, samples=500)

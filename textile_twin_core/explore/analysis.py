@@ -20,7 +20,7 @@ from textile_twin_core.machine.events import DWELL_SHARE
 from textile_twin_core.mechanism import Crank, EllipticGearPair, GearPair, RRPDyad, RRRDyad
 from textile_twin_core.mechanism.joint import BASE
 from textile_twin_core.synthesis.balancing.shaking import shaking
-from textile_twin_core.synthesis.batch import TRANSMISSION
+from textile_twin_core.synthesis.design_chart import TRANSMISSION
 from textile_twin_core.synthesis.numbers import (
     MOTION,
     dwell_within,

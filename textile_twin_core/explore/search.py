@@ -15,7 +15,7 @@ from textile_twin_core.explore.analysis import analyse
 from textile_twin_core.explore.design import Design
 from textile_twin_core.synthesis import pareto
 from textile_twin_core.synthesis.batch import SAMPLES, Batch
-from textile_twin_core.synthesis.tolerance import Limit, batch_of
+from textile_twin_core.synthesis.tolerance import Limit, ManyDesigns
 
 _POPULATION, _SLOW_POPULATION = 160, 24
 GENERATIONS = 200
@@ -93,10 +93,9 @@ def search(
 ) -> SearchProgress:
     """Search for Pareto-optimal designs within the limits, from the present design and random ones.
 
-    The algorithm is generalised differential evolution (see `synthesis.pareto`) on the batched closed forms, or
-    on single
-    designs for machines without a batch form. The same seed and generations give the same front. The final front is
-    evaluated again on a finer grid.
+    The algorithm is generalised differential evolution (see `synthesis.pareto`) on batches of designs, or on single
+    designs where these are not possible (see `many_designs`). The same seed and generations give the same
+    front. The final front is evaluated again on a finer grid.
 
     Args:
         design: Present design.
@@ -112,9 +111,10 @@ def search(
     Raises:
         SceneError: A name is unknown, a range is empty, or there is no goal.
     """
-    numbers_of, numbers, slow = _evaluator(design, SAMPLES)
-    _check(design, task, numbers)
-    goals = _Goals(task, numbers_of)
+    designs = many_designs(design, task.free)
+    slow = isinstance(designs, OneByOne)
+    _check(design, task, designs.names)
+    goals = _Goals(task, designs.evaluate)
     low, high = np.array(list(task.free.values()), dtype=np.float64).T
     random = np.random.default_rng(task.seed)
     begin = reported = time.monotonic()
@@ -124,11 +124,11 @@ def search(
         if report and now - reported > _TELL_S:
             reported = now
             share = max((now - begin) / seconds, number / generations)
-            front = _again(_front(population, task), task, numbers_of)
+            front = _again(_front(population, task), task, designs)
             report(SearchProgress(front, goals.designs, goals.rate, min(1.0, share), tallies=goals.tallies()))
         if number >= generations or now - begin > seconds or (stopped and stopped()):
             break
-    finer = numbers_of if slow else _evaluator(design, _FINE)[0]
+    finer = designs if slow else many_designs(design, task.free, _FINE)
     front = _again(_front(population, task), task, finer)
     return SearchProgress(front, goals.designs, goals.rate, 1.0, number >= generations, goals.tallies())
 
@@ -136,26 +136,21 @@ def search(
 Evaluate = Callable[[Mapping[str, FloatArray], Sequence[str]], dict[str, FloatArray]]
 
 
-def _evaluator(design: Design, samples: int) -> tuple[Evaluate, tuple[str, ...], bool]:
-    """Return the function that evaluates many designs, the names of its numbers, and whether it works one by one."""
+def many_designs(design: Design, free: Iterable[str], samples: int = SAMPLES) -> ManyDesigns:
+    """Return an evaluator of many variants of a design in some parameters.
+
+    It is a batch, or one by one for a machine with a history, or where a parameter selects a closed form.
+    """
     try:
-        batch = batch_of(design.family, design.values, design.speed_rad_s, design.dwell_within_m)
+        batch = Batch(design.family, design.values, design.speed_rad_s, design.dwell_within_m, samples)
     except SceneError:
-        one_by_one = OneByOne(design)
-        return one_by_one.evaluate, one_by_one.names, True
-    batch = Batch(batch.machine, design.speed_rad_s, design.dwell_within_m, samples)
-    fixed = dict(design.values)
-
-    def evaluate(values: Mapping[str, FloatArray], names: Sequence[str]) -> dict[str, FloatArray]:
-        count = next(iter(values.values())).size
-        columns = {**{k: np.full(count, v) for k, v in fixed.items()}, **values}
-        return batch.evaluate(design.family.columns(columns), names)
-
-    return evaluate, batch.names, False
+        return OneByOne(design)
+    known = [name for name in free if name in design.family.searchable]
+    return OneByOne(design) if batch.fixed(known) else batch
 
 
 class OneByOne:
-    """Evaluation of designs one by one, for machines without a batch form."""
+    """Evaluation of designs one by one."""
 
     def __init__(self, design: Design) -> None:
         self._design = design
@@ -248,13 +243,13 @@ def _front(population: pareto.Population, task: Task) -> tuple[FrontDesign, ...]
     return tuple(sorted(found, key=lambda one: one.numbers[task.goals[0].number]))
 
 
-def _again(front: tuple[FrontDesign, ...], task: Task, evaluate: Evaluate) -> tuple[FrontDesign, ...]:
+def _again(front: tuple[FrontDesign, ...], task: Task, designs: ManyDesigns) -> tuple[FrontDesign, ...]:
     """Evaluate the front again with all goals and limited numbers."""
     if not front:
         return front
     names = tuple(dict.fromkeys([g.number for g in task.goals] + [k.number for k in task.limits]))
     columns = {name: np.array([one.values[name] for one in front]) for name in task.free}
-    found = evaluate(columns, names)
+    found = designs.evaluate(columns, names)
     return tuple(
         FrontDesign(one.values, {name: float(found[name][k]) for name in names}) for k, one in enumerate(front)
     )

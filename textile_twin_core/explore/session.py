@@ -24,10 +24,10 @@ from textile_twin_core.explore.labels import label, shown_unit
 from textile_twin_core.explore.overlay import Overlay
 from textile_twin_core.explore.packing import Arrays, analysis_head, design_head, printed_of
 from textile_twin_core.explore.progress import progress_message
-from textile_twin_core.explore.search import FrontDesign, Goal, OneByOne, Task, search
+from textile_twin_core.explore.search import FrontDesign, Goal, OneByOne, Task, many_designs, search
 from textile_twin_core.explore.shown import Analysis
 from textile_twin_core.machine import ContactMachine
-from textile_twin_core.synthesis.tolerance import Limit, ManyDesigns, batch_of, monte_carlo, sensitivities
+from textile_twin_core.synthesis.tolerance import Limit, monte_carlo, sensitivities
 
 Message = Mapping[str, Any]
 _MOST_SECONDS = 600.0
@@ -215,7 +215,7 @@ class PageSession:
 
     def _sensitivity(self, message: Message) -> bytes:
         names, parameters = self._asked(message)
-        batch = self._many()
+        batch = many_designs(self.design, parameters)
         known = [name for name in names if name in batch.names]
         found = sensitivities(self.design.family, self.design.values, batch, known, parameters)
         units = {p.name: p.unit for p in self.design.family.parameters}
@@ -235,7 +235,7 @@ class PageSession:
         tolerances = {p: width / shown_unit(units[p])[1] for p in parameters if units[p] in ("m", "rad")}
         if not tolerances:
             raise SceneError("choose at least one length or angle as free: those have tolerances")
-        batch = self._many()
+        batch = many_designs(self.design, tolerances)
         size = {"samples": _FEW, "corners": _FEW} if isinstance(batch, OneByOne) else {}
         found = monte_carlo(
             self.design.family, self.design.values, batch, batch.names, tolerances, task.limits, **size, seed=task.seed
@@ -259,13 +259,6 @@ class PageSession:
                 "parameters": list(tolerances),
             }
         )
-
-    def _many(self) -> ManyDesigns:
-        """Return the evaluator of many variants of the present design: batched where the machine has a batch form."""
-        try:
-            return batch_of(self.design.family, self.design.values, self.design.speed_rad_s, self.design.dwell_within_m)
-        except SceneError:
-            return OneByOne(self.design)
 
     def _asked(self, message: Message) -> tuple[list[str], list[str]]:
         """Return the numbers of the present design and its free parameters."""

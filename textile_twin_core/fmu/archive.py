@@ -21,9 +21,9 @@ from textile_twin_core.fmu.chain_code import chain_code, indicators
 from textile_twin_core.fmu.contact_code import contact_code
 from textile_twin_core.fmu.model_code import model_code, quantities
 from textile_twin_core.fmu.model_description import ModelDescription
-from textile_twin_core.fmu.symbolic_machine import symbolic_machine
 from textile_twin_core.fmu.variables import chain_variables, contact_variables, rigid_variables
 from textile_twin_core.machine import AnyMachine, ContactMachine, Machine
+from textile_twin_core.machines.symbolic_machine import symbolic_machine
 
 Input = Literal["angle", "torque"]
 _FLAGS = ("-std=c99", "-O2", "-fPIC", "-shared", "-fvisibility=hidden", "-fno-math-errno", "-ffp-contract=off")

@@ -13,10 +13,10 @@ import numpy.typing as npt
 from textile_twin_core.dynamics.motion_equation import level, split_leaps
 from textile_twin_core.expression import Expr, const, topological_order, variable
 from textile_twin_core.expression.c_source import PLAIN_SINCOS, c_function, c_statements, hoisted, with_parameters
-from textile_twin_core.fmu.symbolic_machine import SymbolicMachine
 from textile_twin_core.machine import Machine
 from textile_twin_core.machine.drive import load_torques
 from textile_twin_core.machine.model import total
+from textile_twin_core.machines.symbolic_machine import SymbolicMachine
 
 _STATE = "const double *c, double theta, double omega"
 _OUTPUTS = f"TT_LOCAL void tt_outputs({_STATE}, double alpha, const double *leap, double *y)"

@@ -8,7 +8,7 @@ from itertools import pairwise
 from textile_twin_core.fmu.chain_code import ChainCode
 from textile_twin_core.fmu.model_code import ModelCode
 from textile_twin_core.fmu.model_description import Variable
-from textile_twin_core.fmu.symbolic_machine import SymbolicMachine
+from textile_twin_core.machines.symbolic_machine import SymbolicMachine
 
 _TIME, _TORQUE, _THETA, _OMEGA, _ALPHA, _DER_THETA = range(6)
 _INDICATOR, _OUTPUT, _PARAMETER, _STATE, _DER_STATE = 100, 1000, 100_000, 200_000, 300_000

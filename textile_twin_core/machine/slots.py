@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple, get_type_hints
 
 from textile_twin_core.errors import MachineError, SceneError
+from textile_twin_core.expression.real import Symbolic
 from textile_twin_core.machine import AnyMachine, ContactMachine
 from textile_twin_core.machine.contact_machine import DrivenElement
 from textile_twin_core.machine.drive import load_names
@@ -145,7 +146,12 @@ def _of_group(group: Group) -> Iterator[tuple[str, str, int | tuple[int | str, .
 
 def read(machine: AnyMachine) -> dict[str, float]:
     """Read the machine's numbers by slot."""
-    return {slot.name: float(_get(machine, slot)) for slot in slots(machine)}
+    return {name: float(value) for name, value in values_of(machine).items()}
+
+
+def values_of(machine: AnyMachine) -> dict[str, float]:
+    """Return the machine's numbers by slot as they are, symbolic ones too."""
+    return {slot.name: _get(machine, slot) for slot in slots(machine)}
 
 
 def _get(machine: AnyMachine, slot: Slot) -> Any:
@@ -197,7 +203,8 @@ def changed(machine: AnyMachine, values: Mapping[str, float]) -> dict[str, Any]:
         if slot is None:
             raise SceneError(f"machine '{machine.name}' has no number '{name}'")
         declared = entries.setdefault(slot.field, _entries(machine, slot.field))
-        declared[slot.entry] = _replaced(declared[slot.entry], slot, float(value))
+        number = value if isinstance(value, Symbolic) else float(value)
+        declared[slot.entry] = _replaced(declared[slot.entry], slot, number)
     return {field: _field(machine, field, declared) for field, declared in entries.items()}
 
 

@@ -310,6 +310,10 @@ class CamFollower(PlainGroup):
             return (ContactForce(f"{force}_N", lift_off),)
         return ContactForce(f"{force}_N", lift_off), ContactForce(f"{force}_second_N", f"{lift_off}_second")
 
+    def transmission_cosine(self, motion: Motion) -> Expr:
+        """Express the sine of the pressure angle of the first contact."""
+        return sin(next(self._contacts(motion)).pressure_angle)
+
     def joints(self, motion: Motion) -> tuple[Joint, ...]:
         """Return the turning joint of the cam and the turning or sliding joint of the follower."""
         if self.pivot is not None:

@@ -83,6 +83,10 @@ class Group(Protocol):
         """Compute the transmission of a group with closures, given the smallest value of each closure."""
         ...
 
+    def transmission_cosine(self, motion: Motion) -> Expr:
+        """Express the cosine of the transmission angle of a group with closures."""
+        ...
+
     def joints(self, motion: Motion) -> tuple[Joint, ...]:
         """Return a joint of the robot description for each link of the group, in a solved motion."""
         ...
@@ -122,6 +126,10 @@ class PlainGroup:
     def transmission(self, motion: Motion, smallest: Sequence[float]) -> Transmission:
         """Raise NotImplementedError: a group without closures has no transmission angle."""
         raise NotImplementedError(f"{type(self).__name__} has closures and must define transmission()")
+
+    def transmission_cosine(self, motion: Motion) -> Expr:
+        """Raise NotImplementedError: a search then has no number of the transmission angle."""
+        raise NotImplementedError(f"{type(self).__name__} does not define transmission_cosine()")
 
 
 def check_length(value: float, what: str) -> None:

@@ -9,7 +9,7 @@ from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import Expr, const, real
 from textile_twin_core.mechanism.group import Closure, check_finite
 from textile_twin_core.mechanism.joint import Joint, guide
-from textile_twin_core.mechanism.motion import LinkMotion, Motion, PointMotion
+from textile_twin_core.mechanism.motion import Motion, PointMotion
 from textile_twin_core.mechanism.vector import Vector
 from textile_twin_core.mechanism.wrenches import Wrenches
 
@@ -53,12 +53,12 @@ class GuideLine:
         if on is None:
             return cls(PointMotion.fixed(*point_m), Vector.of(*axis), const(0.0), const(0.0), point_m, axis, None)
         link = motion.link(on, asked_by)
-        length, direction = real.hypot(*point_m), link.direction
-        lever = direction if length == 0.0 else direction.rotated(point_m[0] / length, point_m[1] / length)
-        origin = LinkMotion(on, link.start, "", length, lever, link.first, link.second)
-        start = motion.points[link.start]
-        place = origin.end_motion(start) if length else start
-        return cls(place, direction.rotated(*axis), link.first, link.second, point_m, axis, on)
+        direction, p, q, start = link.direction, link.first, link.second, motion.points[link.start]
+        lever = point_m[0] * direction + point_m[1] * direction.turned_left()
+        normal = lever.turned_left()
+        first, second = start.first + p * normal, start.second + q * normal - (p * p) * lever
+        origin = PointMotion(start.position + lever, first, second, first.dot(first), first.dot(second))
+        return cls(origin, direction.rotated(*axis), p, q, point_m, axis, on)
 
     def seen(self, point: PointMotion) -> Seen:
         """Express a point in the frame of the guide."""

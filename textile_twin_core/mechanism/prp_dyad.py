@@ -146,6 +146,11 @@ class PRPDyad(PlainGroup):
         low, high = (math.acos(max(-1.0, min(1.0, value))) for value in (largest_angle, smallest_angle))
         return Transmission(math.sin(near) * min(self.lengths_m), (max(low, near), min(high, math.pi - near)))
 
+    def transmission_cosine(self, motion: Motion) -> Expr:
+        """Express the cosine of the angle between the guides."""
+        one, two = self.lines(motion)
+        return one.direction.dot(two.direction)
+
     def joints(self, motion: Motion) -> tuple[Joint, ...]:
         """Return the sliding joint of each slider."""
         one, two = self.lines(motion)

@@ -195,6 +195,10 @@ class RPRDyad(PlainGroup):
         angles = (math.atan2(smallest_s, e), math.atan2(most, e)) if e else (math.pi / 2.0, math.pi / 2.0)
         return Transmission(distance, angles)
 
+    def transmission_cosine(self, motion: Motion) -> Expr:
+        """Express the cosine of the angle between the slot's normal and the direction in which the pin moves."""
+        return self.offset_m / sqrt(self.slot(motion).distance_squared)
+
     def joints(self, motion: Motion) -> tuple[Joint, ...]:
         """Return the turning joint of the lever and the sliding joint of the slider."""
         return pivot(motion, self.lever, self.pivot), guide(self.slider, (0.0, self.offset_m), (1.0, 0.0), self.lever)

@@ -93,6 +93,11 @@ class RRPDyad(PlainGroup):
         less, more = (max(value, 0.0) for value in smallest)
         return Transmission(min(less, more), transmission_angles(less, more, 2.0 * self.lengths_m[0]))
 
+    def transmission_cosine(self, motion: Motion) -> Expr:
+        """Express the cosine of the angle between rod and guide normal."""
+        less, more = (closure.value for closure in self.closures(motion)[:2])
+        return (0.5 / self.lengths_m[0]) * (more - less)
+
     def joints(self, motion: Motion) -> tuple[Joint, ...]:
         """Return the turning joint of the rod and the sliding joint of the slider."""
         return pivot(motion, self.rod, self.from_point), self.guide(motion).joint(self.slider)

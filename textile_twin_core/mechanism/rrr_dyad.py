@@ -207,6 +207,11 @@ class RRRDyad(PlainGroup):
             () if four_bar is None else four_bar.passing_branches,
         )
 
+    def transmission_cosine(self, motion: Motion) -> Expr:
+        """Express the cosine of the angle between coupler and rocker."""
+        stretched, folded = self.heron_factors(motion.points[self.from_point], motion.points[self.ground])
+        return (0.25 / (self.lengths_m[0] * self.lengths_m[1])) * (stretched - folded)
+
     def joints(self, motion: Motion) -> tuple[Joint, ...]:
         """Return the turning joints of coupler and rocker at the outer joints."""
         return pivot(motion, self.coupler, self.from_point), pivot(motion, self.rocker, self.ground)

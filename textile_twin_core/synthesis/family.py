@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
-import numpy as np
-
 from textile_twin_core import machines
-from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import SceneError
 from textile_twin_core.machine import AnyMachine, Machine
 from textile_twin_core.machine.slots import read, write
@@ -42,7 +38,6 @@ _UNITS = {
     "s": "s",
 }
 """Units by the suffix of a name, longer suffixes first."""
-_NUDGE = 1e-6
 _SPAN = 0.5
 _ANGLE_SPAN = math.radians(45.0)
 _LEFT_OUT = ("encoder_", "torque_sensor_")
@@ -113,10 +108,6 @@ class DeclaredFamily:
         """Parameters that may differ between designs of a search."""
         return tuple(p.name for p in self.parameters if p.name not in SHAFT_PARAMETERS)
 
-    def columns(self, values: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-        """Return the values of many designs by slot."""
-        return {name: value for name, value in values.items() if name not in SHAFT_PARAMETERS}
-
 
 class PublishedFamily:
     """A published machine with its paper's parameters; a user's sensors, scene and shaft places are preserved."""
@@ -154,83 +145,6 @@ class PublishedFamily:
         valued = [p.name for p in self.parameters if p.value is not None and not p.whole]
         return tuple(name for name in valued if name not in (*_NOT_SEARCHED, *SHAFT_PARAMETERS))
 
-    def columns(self, values: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-        """Return the values of many designs by slot, from the paper's parameters; by parameter without slots."""
-        if self.base.has_history:
-            return dict(values)
-        given = {p.name: np.asarray(values.get(p.name, p.value or 0.0), dtype=np.float64) for p in self.parameters}
-        equal = {slot: given[name] for slot, name in self._equal_slots.items()}
-        return {slot: v for slot, v in (equal | _PLACED[self.kind](given)).items() if slot in self._slots}
-
-    @cached_property
-    def _slots(self) -> dict[str, float]:
-        assert isinstance(self.base, Machine)
-        return read(self.base)
-
-    @cached_property
-    def _equal_slots(self) -> dict[str, str]:
-        """Find the slots that equal one of the parameters, by changing all of them a little."""
-        assert isinstance(self.base, Machine)
-        values = {p.name: p.value for p in self.parameters if p.value and p.name not in SHAFT_PARAMETERS}
-        nudged = {name: v * (1.0 + _NUDGE * (k + 1) / len(values)) for k, (name, v) in enumerate(values.items())}
-        if "axis_ratio" in nudged:
-            nudged["axis_ratio"] = values["axis_ratio"]
-        before, after = self._slots, read(self.machine(nudged))
-        by_value = {(values[name], v): name for name, v in nudged.items() if v != values[name]}
-        return {slot: by_value[(v, after[slot])] for slot, v in before.items() if (v, after[slot]) in by_value}
-
-
-def _tufting(p: Mapping[str, Any]) -> dict[str, Any]:
-    return {
-        "l6.guide_x_m": p["x1_m"] + p["x2_m"],
-        "l6.guide_y_m": p["H1_m"],
-        "l4.angle_rad": p["beta1_rad"] - 2.0 * math.pi,
-        "backing.free_force_N": p["free_force_N"],
-    }
-
-
-def _handloom_beatup(p: Mapping[str, Any]) -> dict[str, Any]:
-    pivot = p["ground_m"] * np.exp(1j * p["ground_angle_rad"])
-    zeros = {"l3.mass_kg": "rocker_kg", "l3.inertia_kgm2": "rocker_kgm2", "l4#2.inertia_kgm2": "beater_kgm2"}
-    return {
-        "A.x_m": pivot.real,
-        "A.y_m": pivot.imag,
-        "l4.angle_rad": p["arm_angle_rad"],
-        "beater.radius_m": p["arm_m"],
-        **{slot: p[name] for slot, name in zeros.items()},
-    }
-
-
-def _elliptic_gear_beatup(p: Mapping[str, Any]) -> dict[str, Any]:
-    axis = 2.0 * p["half_axis_m"] * np.exp(1j * p["centre_line_rad"])
-    foot = axis + p["ground_m"] * np.exp(1j * p["ground_angle_rad"])
-    phase = math.pi + p["past_largest_ratio_rad"]
-    k = p["axis_ratio"]
-    reach = p["crank_m"] + p["coupler_m"]
-    with np.errstate(invalid="ignore"):
-        e = np.sqrt((1.0 - k) * (1.0 + k))
-        turn = phase - 2.0 * np.arctan2(e * np.sin(phase), 1.0 + e * np.cos(phase))
-        stretched = np.arccos((reach**2 + p["ground_m"] ** 2 - p["rocker_m"] ** 2) / (2.0 * reach * p["ground_m"]))
-    return {
-        "A.x_m": axis.real,
-        "A.y_m": axis.imag,
-        "D.x_m": foot.real,
-        "D.y_m": foot.imag,
-        "gear_1.axis_ratio": k,
-        "gear_1.phase_rad": phase,
-        "l1.phase_rad": p["ground_angle_rad"] + stretched - (p["centre_line_rad"] + math.pi - turn),
-        "sley.length_m": p["sley_m"],
-        "sley.radius_m": p["sley_m"],
-        "sley.angle_rad": p["sley_angle_rad"],
-    }
-
-
-_PLACED: dict[str, Callable[[Mapping[str, Any]], dict[str, Any]]] = {
-    "tufting": _tufting,
-    "handloom_beatup": _handloom_beatup,
-    "elliptic_gear_beatup": _elliptic_gear_beatup,
-}
-"""Slots that are computed from the paper's parameters by a formula, or whose parameter is zero."""
 
 Family = DeclaredFamily | PublishedFamily
 

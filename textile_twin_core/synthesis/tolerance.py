@@ -11,8 +11,6 @@ import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray
 from textile_twin_core.errors import SceneError
-from textile_twin_core.machine import Machine
-from textile_twin_core.synthesis.batch import Batch
 from textile_twin_core.synthesis.family import Family
 
 SAMPLES, CORNERS = 20000, 4096
@@ -81,11 +79,11 @@ def sensitivities(
     units = {p.name: p.unit for p in family.parameters}
     base = _nominal(family, values)
     steps = {p: _STEPS.get(units[p]) or _RELATIVE * (abs(base[p]) or 1.0) for p in parameters}
-    columns = {name: np.full(2 * len(parameters) + 1, value) for name, value in base.items()}
+    columns = {name: np.full(2 * len(parameters) + 1, base[name]) for name in parameters}
     for k, p in enumerate(parameters):
         columns[p][2 * k] += steps[p]
         columns[p][2 * k + 1] -= steps[p]
-    found = batch.evaluate(family.columns(columns), names)
+    found = batch.evaluate(columns, names)
     return {
         name: {p: _slope(v[2 * k + 1], v[-1], v[2 * k], steps[p]) for k, p in enumerate(parameters)}
         for name, v in found.items()
@@ -125,9 +123,10 @@ def monte_carlo(
     asked = tuple(dict.fromkeys([*names, *(limit.number for limit in limits)]))
     base, random = _nominal(family, values), np.random.default_rng(seed)
     errors = {p: _cut_normal(random, samples) * tolerance for p, tolerance in tolerances.items()}
-    found = _evaluate(family, batch, base, errors, asked)
-    ends = _evaluate(family, batch, base, _corners(random, tolerances, corners), asked)
-    nominal = _evaluate(family, batch, base, {p: np.zeros(1) for p in tolerances}, asked)
+    found, ends, nominal = (
+        batch.evaluate({p: base[p] + error for p, error in each.items()}, asked)
+        for each in (errors, _corners(random, tolerances, corners), {p: np.zeros(1) for p in tolerances})
+    )
     broken = [limit.broken(found[limit.number]) for limit in limits]
     closes = np.isfinite(next(iter(found.values())))
     scrap = ~closes if not broken else np.any(broken, axis=0) | ~closes
@@ -141,20 +140,6 @@ def monte_carlo(
 
 def _nominal(family: Family, values: Mapping[str, float]) -> dict[str, float]:
     return {p.name: float(values.get(p.name, p.value or 0.0)) for p in family.parameters if p.name in family.searchable}
-
-
-def _evaluate(
-    family: Family,
-    batch: ManyDesigns,
-    base: Mapping[str, float],
-    errors: Mapping[str, FloatArray],
-    names: Sequence[str],
-) -> dict[str, FloatArray]:
-    count = max(e.size for e in errors.values()) if errors else 1
-    columns = {name: np.full(count, value) for name, value in base.items()}
-    for p, error in errors.items():
-        columns[p] = columns[p] + error
-    return batch.evaluate(family.columns(columns), names)
 
 
 def _cut_normal(random: np.random.Generator, samples: int) -> FloatArray:
@@ -188,11 +173,3 @@ def _spread(nominal: float, found: FloatArray, corners: FloatArray) -> Spread:
         float(extremes.min()),
         float(extremes.max()),
     )
-
-
-def batch_of(family: Family, values: Mapping[str, float], speed_rad_s: float, within_m: float | None) -> Batch:
-    """Build the batch of a design's family. Raises SceneError for a machine without one."""
-    machine = family.machine(values)
-    if not isinstance(machine, Machine):
-        raise SceneError(f"machine '{machine.name}' has a history; its designs are looked at one by one")
-    return Batch(machine, speed_rad_s, within_m)

@@ -51,7 +51,7 @@ class Backing:
         travel = self._displacement(context)
         if self.entry_plane_m == self.exit_plane_m:
             return at_least(travel.position, self.entry_plane_m)
-        if not self._enters(context):
+        if not self.enters(context):
             return const(0.0)
         going_in = at_least(travel.first * context.shaft.omega, 0.0)
         plane = select(going_in, self.entry_plane_m, self.exit_plane_m)
@@ -76,7 +76,7 @@ class Backing:
 
     def crossings(self, context: LoadContext) -> tuple[Crossing, ...]:
         """Return the events of entering and leaving the backing."""
-        if not self._enters(context):
+        if not self.enters(context):
             return ()
         travel = self._displacement(context).position
         return (
@@ -84,7 +84,7 @@ class Backing:
             Crossing(f"{self.on}_leaves_backing", travel - self.exit_plane_m, rising=False),
         )
 
-    def _enters(self, context: LoadContext) -> bool:
+    def enters(self, context: LoadContext) -> bool:
         """Return whether the travel reaches the entry plane; only an exit plane before it can be passed alone."""
         if self.exit_plane_m >= self.entry_plane_m:
             return True

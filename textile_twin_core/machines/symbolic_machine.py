@@ -22,7 +22,9 @@ from textile_twin_core.machine.drive import load_names
 from textile_twin_core.machine.slots import slots
 
 Quantities = Callable[[Machine], list[Expr]]
-"""The expressions of a machine that an export needs."""
+"""The expressions of a machine that must follow its parameters."""
+Build = Callable[[Mapping[str, float]], Machine]
+"""Construction of a machine from numbers by name."""
 
 _CHANGE, _GOLDEN = 1e-3, 0.6180339887498949
 """Smallest relative change of a parameter for its check; absolute for a parameter that is 0."""
@@ -51,16 +53,35 @@ def symbolic_machine(machine: Machine, quantities: Quantities) -> SymbolicMachin
     """Build a machine with symbolic parameters.
 
     A published machine has its own parameters. Any other machine has the numbers of its points, groups, bodies, loads
-    and measures by their paths (see `Slot.path`), and its directions and gravity by component. To check them, all
-    parameters are changed a little and the quantities compared with those of a machine built with the changed numbers.
-    If they differ, each parameter is tried alone, and one that the quantities do not follow remains a number.
+    and measures by their paths (see `Slot.path`), and its directions and gravity by component.
 
     Args:
         machine: the machine.
         quantities: function that returns the expressions which must follow the parameters.
     """
     build, numbers = _builder(machine)
-    offered, fixed = dict(numbers), list[str]()
+    return with_symbols(build, numbers, numbers, quantities)
+
+
+def with_symbols(
+    build: Build, numbers: Mapping[str, float], names: Iterable[str], quantities: Quantities
+) -> SymbolicMachine:
+    """Build a machine with some of its numbers as symbolic parameters.
+
+    To check them, all parameters are changed a little and the quantities compared with those of a machine built with
+    the changed numbers. If they differ, each parameter is tried alone, and one that the quantities do not follow
+    remains a number.
+
+    Args:
+        build: constructs the machine.
+        numbers: all its numbers by name.
+        names: those that become parameters.
+        quantities: function that returns the expressions which must follow the parameters.
+
+    Raises:
+        MachineError: for numbers of an impossible machine.
+    """
+    offered, fixed = {name: numbers[name] for name in names}, list[str]()
     while True:
         made = build({**numbers, **{name: Symbolic.parameter(name, value) for name, value in offered.items()}})
         used = set(parameters_in(quantities(made)))
@@ -79,7 +100,7 @@ class _Check:
 
     offered: Mapping[str, float]
     numbers: Mapping[str, float]
-    build: Callable[[Mapping[str, float]], Machine]
+    build: Build
     expressions: Sequence[Expr]
     quantities: Quantities
 
@@ -114,7 +135,7 @@ def _states(machine: Machine) -> dict[str, FloatArray]:
     return {"theta": theta, "omega": np.full_like(theta, speed), "alpha": np.full_like(theta, 0.5 * speed**2)}
 
 
-def _builder(machine: Machine) -> tuple[Callable[[Mapping[str, float]], Machine], dict[str, float]]:
+def _builder(machine: Machine) -> tuple[Build, dict[str, float]]:
     """Return a function that builds the machine from numbers by name, and these numbers."""
     name = machine.name
     if (
