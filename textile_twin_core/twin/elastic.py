@@ -9,7 +9,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.contact import ContactEvent
@@ -17,7 +16,6 @@ from textile_twin_core.driveline import ElasticShaft, elastic_shaft, follow_moti
 from textile_twin_core.driveline.observer import ShaftObserver
 from textile_twin_core.errors import MotionError, SceneError
 from textile_twin_core.machine import Machine
-from textile_twin_core.machine.main_shaft import ShaftDrive
 from textile_twin_core.shaft import ShaftStates
 from textile_twin_core.shaft.turns import TURN
 from textile_twin_core.twin.compiled import Twin
@@ -147,15 +145,6 @@ class ElasticTwin:
         second time with the drive and its torque known from the first.
         """
         return Session(self, shaft, **settings)
-
-    def observed_drive(
-        self, stamps: npt.ArrayLike, angles: npt.ArrayLike, velocities: npt.ArrayLike | None = None
-    ) -> ShaftDrive:
-        """The drive with inertia and slip as in the machine file, or else as estimated from readings."""
-        session = self.session()
-        session.step(stamps, angles, velocities)
-        assert isinstance(session.predictor, ElasticPredictor)
-        return session.predictor.drive
 
     def predictor(self, shaft: str = "causal", before: Predictor | None = None) -> ElasticPredictor:
         """Predictor of a session; `before`: the predictor whose state it continues."""
