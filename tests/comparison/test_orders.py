@@ -96,6 +96,16 @@ def test_too_few_turns_are_refused_in_words() -> None:
         order_map(time, 5.0 * time, np.cos(time))
 
 
+@pytest.mark.parametrize("turns", [0.8, 2.5, 5.0])
+def test_a_shaft_that_rocks_is_refused_as_one(turns: float) -> None:
+    """Order analysis of a shaft that swings farther than its window works."""
+    time = np.arange(0.0, 40.0, 0.004)
+    with pytest.raises(RecordingError, match=rf"reverses after at most {turns:.1f} turns"):
+        order_map(time, np.pi * turns * np.cos(time), np.cos(time))
+    theta = 60.0 * np.pi * np.cos(0.3 * time)
+    assert amplitude(order_map(time, theta, np.cos(2.0 * theta), max_order=4.0), 2.0) == pytest.approx(1.0, abs=0.02)
+
+
 def test_the_command_finds_the_orders_of_the_torque(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The synthetic loom's torque, whose orders are those of the twin over a turn at the same speed."""
     out = tmp_path / "orders.json"

@@ -11,10 +11,13 @@ import pytest
 
 from tests.generators import mill_recordings
 from tests.generators.configured_machine import configured_machine
+from tests.generators.faults import with_fault
 from tests.generators.mill_recordings import Case, MillRecording, healthy, record
 from tests.generators.planned_motion import Plan
 from textile_twin_core.comparison import Readings, assess, calibrate
 from textile_twin_core.comparison.assessment import Assessment
+from textile_twin_core.comparison.fault_watch import Alarm, WatchSettings
+from textile_twin_core.comparison.monitor import Monitor, monitor_recording
 from textile_twin_core.comparison.shaft_track import ShaftTrack
 
 
@@ -25,6 +28,31 @@ def rocking(turns: float, period_s: float, monkeypatch: pytest.MonkeyPatch) -> t
     monkeypatch.setattr(mill_recordings, "steady", lambda *_: Plan(points, 0.7))
     case = healthy("loom", 71, run_up=False, duration_s=12.0)
     return case, record(case)
+
+
+PERIOD_S, LEARNT, ONSET_S = 2.0, 15, 60.0
+"""Cycles of the watched shaft, cycles learnt, and time after which there is a fault."""
+
+
+@pytest.fixture(scope="module")
+def watched() -> tuple[Case, MillRecording]:
+    """Record a tufting machine whose shaft goes 1.6 turns to and fro, 250 times a second."""
+    with pytest.MonkeyPatch.context() as patch:
+        fast = 2.0 * math.pi**2 * 1.6 / PERIOD_S
+        points = [(0.5 * PERIOD_S * k, fast * (-1.0) ** k) for k in range(82)]
+        patch.setattr(mill_recordings, "steady", lambda *_: Plan(points, 0.7))
+        case = healthy("tufting", 71, run_up=False, duration_s=80.0)
+        encoder, torque = replace(case.encoder, rate_hz=250.0), replace(case.torque, rate_hz=250.0)
+        case = replace(case, encoder=encoder, torque=torque)
+        return case, record(case)
+
+
+def faulty(made: MillRecording, case: Case, kind: str, size: float) -> MillRecording:
+    if kind != "friction":
+        return with_fault(made, case, kind, size, ONSET_S)
+    time = (made.torque_stamps_ns - made.torque_stamps_ns[0]) * 1e-9 + 0.0507
+    against = size * np.sign(made.plan.at(np.minimum(time, case.duration_s))[1])
+    return replace(made, torque=made.torque + np.where(time > ONSET_S, against, 0.0))
 
 
 def assessed(made: MillRecording, case: Case) -> Assessment:
@@ -66,6 +94,70 @@ def test_calibrate_writes_no_worse_sensors_than_those_of_a_right_file(monkeypatc
         Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque), configured_machine(case)
     )
     assert found.rms_after_Nm <= found.rms_before_Nm
+
+
+@pytest.mark.parametrize(
+    ("kind", "size", "named"),
+    [
+        ("", 0.0, None),
+        ("needle_force", 0.2, "load_force"),
+        ("friction", 0.8, "constant_torque"),
+        ("sensor_offset", -1.0, "sensor_offset"),
+        ("sensor_gain", 0.1, "sensor_gain"),
+        ("encoder_slip", 0.05, "phase"),
+    ],
+)
+def test_a_rocking_shaft_is_watched_by_cycles(
+    kind: str, size: float, named: str | None, watched: tuple[Case, MillRecording]
+) -> None:
+    case, made = watched
+    made = faulty(made, case, kind, size)
+    readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
+    trend = monitor_recording(readings, configured_machine(case), WatchSettings(learn_turns=LEARNT))
+    assert trend.columns["turn"].tolist() == list(range(39))  # the first reversal begins the first cycle
+    assert trend.columns["speed_rad_s"] == pytest.approx(4.0 * math.pi * 1.6 / PERIOD_S, rel=0.02)
+    assert [alarm.kind for alarm in trend.alarms] == ([named] if named else [])
+    assert trend.cycles
+    if named:
+        assert abs(trend.alarms[0].size) == pytest.approx(abs(size), rel=0.1)
+        assert 0.0 < (trend.alarms[0].stamp_ns - made.torque_stamps_ns[0]) * 1e-9 - ONSET_S < 9.0 * PERIOD_S
+
+
+def test_a_rocking_shaft_is_watched_live_as_from_a_recording(watched: tuple[Case, MillRecording]) -> None:
+    case, made = watched
+    made = faulty(made, case, "needle_force", 0.2)
+    machine, settings = configured_machine(case), WatchSettings(learn_turns=LEARNT)
+    readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
+    recorded = monitor_recording(readings, machine, settings)
+    monitor, alarms, turns = Monitor(machine, settings), list[Alarm](), list[int]()
+    for begin in np.arange(made.angle_stamps_ns[0], made.angle_stamps_ns[-1], 700_000_000).tolist():
+        for stamps, values, add in (
+            (made.angle_stamps_ns, made.angle, monitor.add_angles),
+            (made.torque_stamps_ns, made.torque, monitor.add_torques),
+        ):
+            part = (stamps >= begin) & (stamps < begin + 700_000_000)
+            add(stamps[part], values[part])
+        trend = monitor.advance()
+        alarms += trend.alarms
+        turns += trend.columns.get("turn", np.empty(0)).tolist()
+    assert [(each.kind, each.stamp_ns) for each in alarms] == [(a.kind, a.stamp_ns) for a in recorded.alarms]
+    assert turns == recorded.columns["turn"].tolist()[: len(turns)] and len(turns) >= 38
+
+
+def test_a_shaft_that_reverses_after_many_turns_is_watched_by_turns() -> None:
+    """Sixty turns ahead, a stop, and sixty back."""
+    plan = Plan([(0.0, 0.0), (1.0, 16.0), (23.0, 16.0), (24.0, 0.0), (25.0, 0.0), (26.0, -16.0), (49.0, -16.0)], 0.4)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(mill_recordings, "steady", lambda *_: plan)
+        case = healthy("tufting", 72, run_up=False, duration_s=48.0)
+        made = record(case)
+    readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
+    trend = monitor_recording(readings, configured_machine(case), WatchSettings(learn_turns=20))
+    assert trend.alarms == ()
+    turns, speeds = trend.columns["turn"], trend.columns["speed_rad_s"]
+    back = int(np.argmax(speeds < 0.0))
+    assert set(np.diff(turns[:back])) == {1} and set(np.diff(turns[back:])) == {-1}
+    assert np.all(speeds[:back] > 0.0) and np.all(speeds[back:] < 0.0) and min(back, turns.size - back) > 50
 
 
 def test_uncertain_accelerations_are_no_gaps_of_the_angle() -> None:

@@ -74,21 +74,31 @@ def named(turns: TurnFeatures, band: Band, worth: FloatArray) -> tuple[str, floa
     profiles = np.nan_to_num(turns.profile_Nm - band.profile_Nm)
     lasting, each = float(np.mean(np.mean(profiles, axis=0) ** 2)), float(np.mean(profiles**2))
     if lasting > _MOST * each and rows[_PROFILE] > worth[_PROFILE]:
-        return "profile", float(np.sqrt(lasting))
+        return "profile", _offset(turns, band) or float(np.sqrt(lasting))
     return ("noise", float(rows[_NOISE])) if rows[_NOISE] > worth[_NOISE] else ("", 0.0)
+
+
+def _offset(turns: TurnFeatures, band: Band) -> float:
+    """Torque that is the same at all angles, of a shaft that turns both ways; 0 where the change differs by angle."""
+    seen = np.isfinite(turns.profile_Nm).any(axis=0)
+    away = np.mean(np.nan_to_num(turns.profile_Nm - band.profile_Nm), axis=0)[seen]
+    mean = float(np.mean(away)) if away.size else 0.0
+    return mean if mean**2 > _MOST * float(np.mean(away**2)) else 0.0
 
 
 def alarm_text(kind: str, size: float, turns: TurnFeatures, band: Band, speed_known: bool) -> tuple[str, str]:
     """Return the kind and the text of the alarm for a fault of a kind and size that some turns show."""
     speed = float(np.mean(turns.speed_rad_s))
     against = kind == "constant_torque" and size * math.copysign(1.0, speed) < 0.0
-    name = "sensor_offset" if against else kind
+    offset = kind == "profile" and _offset(turns, band) != 0.0
+    name = "sensor_offset" if against or offset else kind
     away = np.mean(np.nan_to_num(turns.profile_Nm - band.profile_Nm), axis=0)
     angle = (float(np.argmax(np.abs(away))) + 0.5) * 360.0 / BINS
+    freer = "" if offset else " (or the drive runs freer)"
     text = {
         "load_force": f"needle side: the loads changed by {size:+.1%}",
         "constant_torque": f"drive side: friction changed by {size:+.3g} N m (or the torque sensor's offset)",
-        "sensor_offset": f"torque sensor: offset changed by {size:+.3g} N m (or the drive runs freer)",
+        "sensor_offset": f"torque sensor: offset changed by {size:+.3g} N m" + freer,
         "sensor_gain": f"torque sensor: gain changed by {size:+.1%}",
         "phase": f"encoder or its coupling: the angle slipped by {math.degrees(size):+.2f} deg",
         "noise": f"torque sensor: {math.exp(min(size, 20.0)):.2g} times as much noise as learnt",

@@ -31,7 +31,8 @@ class TurnFeatures:
     """Turns of the shaft, (t,) each, and features of their residuals.
 
     Attributes:
-        number: the turn. start_ns: stamp of its first sample. count: samples in it. speed_rad_s: its mean speed.
+        number: the turn. start_ns: stamp of its first sample. count: samples in it.
+        speed_rad_s: its mean speed along the path of the shaft, negative backwards.
         cut_off: samples at an end of the sensor's range, which are not fitted.
         sizes: (t, 4) size of each signature of `KINDS`, as share of the load, N m, share of the torque, rad.
         noise_Nm: (t,) scatter of the residual that no signature explains. profile_Nm: (t, BINS) its mean by shaft
@@ -103,6 +104,7 @@ def turn_features(
     states: tuple[FloatArray, FloatArray, FloatArray],
     ends: RangeEnds,
     filtered: Signatures | None = None,
+    turn: IntArray | None = None,
 ) -> TurnFeatures:
     """Features of every turn of the measured samples (n,).
 
@@ -113,9 +115,10 @@ def turn_features(
         states: angle, speed and acceleration of the shaft at each sample less the delay, direction and zero applied.
         ends: finds the torques at an end of their sensor's range.
         filtered: signatures at each sample behind the filter of the sensor; None: it has no filter.
+        turn: number of the turn, or of the cycle of a shaft that reverses, of each sample; None: by the shaft angle.
     """
     theta, omega, alpha = states
-    whole = np.floor(theta / TURN).astype(np.int64)
+    whole = np.floor(theta / TURN).astype(np.int64) if turn is None else turn
     slow = slow_speed(omega, whole)
     seen = signatures(terms, theta, omega, alpha, slow) if filtered is None else filtered
     torque = seen.torque
@@ -149,7 +152,7 @@ def turn_features(
         start_ns=stamps_ns[good][first],
         count=count.astype(np.int64) + cut_off,
         cut_off=cut_off,
-        speed_rad_s=np.bincount(place, weights=omega[good]) / count,
+        speed_rad_s=_mean_speed(omega[good], place) / count,
         sizes=sizes,
         noise_Nm=np.sqrt(np.bincount(place, weights=unexplained**2) / count),
         profile_Nm=profile.reshape(turns.size, BINS),
@@ -158,6 +161,12 @@ def turn_features(
         normal=normal,
         right=right,
     )
+
+
+def _mean_speed(omega: FloatArray, place: IntArray) -> FloatArray:
+    """Sums of the speeds along the path, negative where most of it leads backwards."""
+    way, path = np.bincount(place, weights=omega), np.bincount(place, weights=np.abs(omega))
+    return np.asarray(np.where(way < -0.5 * path, -path, path))
 
 
 def _mostly(cut: BoolArray, good: BoolArray, turn: IntArray) -> BoolArray:

@@ -25,6 +25,7 @@ from textile_twin_core.comparison.fault_signatures import (
 )
 from textile_twin_core.comparison.fault_watch import Alarm, FaultWatch, WatchSettings
 from textile_twin_core.comparison.inputs import usable_measurements
+from textile_twin_core.comparison.motion_cycles import Reversals, WatchedSpan, labelled, numbers
 from textile_twin_core.comparison.process_force import ProcessForce
 from textile_twin_core.comparison.range_ends import RangeEnds, range_end_note
 from textile_twin_core.comparison.readings import Readings
@@ -44,12 +45,16 @@ _PART = 0.2
 
 @dataclass(frozen=True)
 class Trend:
-    """Turns by column, (t,) each, the alarms they raised, notes for a person, and how many turns the band took."""
+    """Turns by column, (t,) each, the alarms they raised, notes for a person, and how many turns the band took.
+
+    cycles: the shaft reverses, and cycles of its motion, there and back, take the place of turns.
+    """
 
     columns: Mapping[str, FloatArray | IntArray]
     alarms: tuple[Alarm, ...]
     notes: tuple[str, ...] = ()
     unwatched: int = 0
+    cycles: bool = False
 
 
 class Monitor:
@@ -70,7 +75,7 @@ class Monitor:
         self._encoder = encoder
         self._estimator = create_estimator(shaft, **encoder_settings(replace(encoder, direction=1, zero_rad=0.0)))
         self._inertia = self._mean_inertia(machine)
-        self._begins = True  # no turn has been watched since the first sample
+        self._reversals, self._cycles = Reversals(), 0
         self.watch = FaultWatch(self._torque_size(machine), settings or WatchSettings())
         self._states: list[FloatArray] = []
         self._torque: list[tuple[IntArray, FloatArray]] = []
@@ -112,7 +117,7 @@ class Monitor:
     def restart(self) -> None:
         """Restart after time was set back: keep the learnt band, drop the samples of incomplete turns."""
         self._estimator.reset()
-        self._begins = True
+        self._reversals = Reversals()
         self._states.clear()
         self._torque.clear()
         self._origin_ns = None
@@ -137,29 +142,26 @@ class Monitor:
         s = self._settings
         states = s.direction * theta - s.zero_rad, s.direction * omega, s.direction * alpha
         place = (s.direction * rows[:, 1] - s.zero_rad) / TURN
-        begin, end = np.interp([max(rows[0, 0], time[0]), min(rows[-1, 0], time[-1])], rows[:, 0], place).tolist()
-        sense = math.copysign(1.0, place[-1] - place[0])
-        ready = good
-        if not last:  # complete turns are those that the shaft and its torque have left, in either direction
-            ready = good & (sense * np.floor(states[0] / TURN) < sense * np.floor(end))
+        spans, over = self._spans(rows[:, 0], place, time, last)
+        label, ready = labelled(spans, time, _turn(states[0]))
+        ready &= good
         if np.count_nonzero(ready) < FEWEST_TORQUES_PER_TURN:
             return Trend({}, ())
+        self._take_spans(spans, over)
         filtered, seen = None, torque[ready]
         if not self._filter.is_identity:
             filtered, settled = self._filtered(track, time[ready])
             seen[~settled] = np.nan
         at = states[0][ready], states[1][ready], states[2][ready]
-        found = turn_features(self._terms, s, stamps[ready], seen, at, self._ends, filtered)
-        partial = {math.floor(begin)} if self._begins and _missing(begin, sense) > _PART else set()
-        if last and _missing(end, -sense) > _PART:
-            partial.add(math.floor(end))
-        self._begins = False
-        kept = _whole(found, partial, float(np.median(np.diff(time))))
-        turn = np.floor(place)
-        unsure = self._inertia * np.array([np.quantile(rows[turn == number, 4], _MOSTLY) for number in kept.number])
+        found = turn_features(self._terms, s, stamps[ready], seen, at, self._ends, filtered, label[ready])
+        kept = _whole(found, float(np.median(np.diff(time))))
+        own, _ = labelled(spans, rows[:, 0], np.floor(place).astype(np.int64))
+        unsure = self._inertia * np.array([np.quantile(rows[own == number, 4], _MOSTLY) for number in kept.number])
+        kept = replace(kept, number=numbers(spans, kept.number))
+        cycles = any(span.cycle is not None for span in spans)
         alarms, away = self.watch.take(kept, unsure)
         stitches = None
-        if self._process is not None and self._filter.is_identity:
+        if self._process is not None and self._filter.is_identity and not cycles:
             slow = slow_speed(at[1], _turn(at[0]))
             residual = (seen - s.offset_Nm) / s.gain - self._terms.at(*at, slow).total
             stitches = self._process.turns(residual, at, np.isfinite(residual) & (np.abs(at[1]) > slow))
@@ -167,8 +169,56 @@ class Monitor:
         self._forget(float(time[ready].max()), stamps, torque)
         cut_off = int(kept.cut_off.sum())
         notes = (range_end_note(cut_off, self._ends.values_Nm, "turns are watched"),) if cut_off else ()
-        trend = _trend(kept, away, alarms, notes, self.watch.unwatched)
+        trend = replace(_trend(kept, away, alarms, notes, self.watch.unwatched), cycles=cycles)
         return trend if stitches is None else replace(trend, columns={**trend.columns, **stitches.columns(kept.number)})
+
+    def _spans(
+        self, time_s: FloatArray, place: FloatArray, torque_s: FloatArray, last: bool
+    ) -> tuple[list[WatchedSpan], int]:
+        """Return the spans to watch now, and the number of strokes that are over with them.
+
+        Complete turns are those that the shaft and its torque have left, in either direction; a cycle is complete at
+        its second reversal. The turn in which a long stroke reverses is left out.
+
+        Args:
+            time_s, place: of the states, the place in turns. torque_s: times of the torques. last: nothing follows.
+        """
+        strokes, until = self._reversals.strokes, min(float(time_s[-1]), float(torque_s[-1]))
+        spans, k, cycle = list[WatchedSpan](), 0, self._cycles
+
+        def place_at(at_s: float) -> float:
+            return float(np.interp(at_s, time_s, place))
+
+        while k < len(strokes):
+            stroke, over = strokes[k], strokes[k].end_s <= until
+            if stroke.long or (last and not stroke.reversed and not over):
+                sense, partial = self._settings.direction * stroke.sense, set[int]()
+                begin, end = place_at(max(stroke.begin_s, float(torque_s[0]))), place_at(min(stroke.end_s, until))
+                if stroke.fresh and (stroke.reversed or _missing(begin, sense) > _PART):
+                    partial.add(math.floor(begin))
+                if over or (last and _missing(end, -sense) > _PART):
+                    partial.add(math.floor(end))
+                incomplete = None if over or last else math.floor(end)
+                spans.append(
+                    WatchedSpan(stroke.begin_s, stroke.end_s, None, sense or 1, incomplete, frozenset(partial))
+                )
+            elif over and stroke.reversed and k + 1 < len(strokes) and not strokes[k + 1].long:
+                if strokes[k + 1].end_s > until:
+                    break
+                spans.append(WatchedSpan(stroke.begin_s, strokes[k + 1].end_s, cycle))
+                cycle, k = cycle + 1, k + 1
+            if not over:
+                break
+            k += 1
+        return spans, k
+
+    def _take_spans(self, spans: list[WatchedSpan], over: int) -> None:
+        """Take spans as watched, and drop the strokes that are over."""
+        strokes = self._reversals.strokes
+        self._cycles += sum(span.cycle is not None for span in spans)
+        del strokes[:over]
+        if strokes and strokes[0].long:
+            strokes[0].fresh = False
 
     def _filtered(self, track: ShaftTrack, time_s: FloatArray) -> tuple[Signatures, BoolArray]:
         """Return the signatures behind the filter of the sensor at times (m,), and where the filter has settled."""
@@ -202,6 +252,7 @@ class Monitor:
         usable = states.settled & np.isfinite(rows).all(axis=1)
         if usable.any():
             self._states.append(rows[usable])
+            self._reversals.take(rows[usable, 0], rows[usable, 1])
 
     def _forget(self, until_s: float, stamps: IntArray, torque: FloatArray) -> None:
         """Drop the samples of watched turns."""
@@ -269,11 +320,11 @@ def monitor_recording(
     return trend
 
 
-def _whole(found: TurnFeatures, partial: set[int], step_s: float) -> TurnFeatures:
-    """Drop turns with too few torques, and those by number in which the record begins or ends; torques by `step_s`."""
+def _whole(found: TurnFeatures, step_s: float) -> TurnFeatures:
+    """Drop turns with too few torques, `step_s` apart."""
     covered = found.count * np.abs(found.speed_rad_s) * step_s  # part of a slow turn may hold many samples
     kept = (found.count >= FEWEST_TORQUES_PER_TURN) & (covered >= _PART * TURN)
-    return found.where(kept & ~np.isin(found.number, list(partial)))
+    return found.where(kept)
 
 
 def _trend(turns: TurnFeatures, away: FloatArray, alarms: list[Alarm], notes: tuple[str, ...], unwatched: int) -> Trend:

@@ -147,7 +147,7 @@ def order_map(
         The map, with amplitudes in the unit of the signal.
 
     Raises:
-        RecordingError: the shaft does not make enough turns in one direction without a gap.
+        RecordingError: the shaft does not make enough turns in one direction without a gap, or reverses before.
 
     Examples:
         >>> time = np.arange(20_000) / 1000.0
@@ -166,6 +166,12 @@ def order_map(
     window = min(TURNS, int(longest)) if turns is None else turns
     if window < FEWEST_TURNS or window > longest:
         needed = FEWEST_TURNS if turns is None else max(turns, FEWEST_TURNS)
+        senses = {theta_rad[b - 1] > theta_rad[a] for a, b in runs}
+        if len(senses) > 1 and longest < FEWEST_TURNS:
+            raise RecordingError(
+                f"the shaft reverses after at most {longest:.1f} turns: orders are multiples of whole turns, and need"
+                f" {needed} turns one way; compare shows such a recording over the shaft angle"
+            )
         raise RecordingError(
             f"the longest stretch one way without a gap is {longest:.1f} turns of the shaft, and order analysis needs"
             f" {needed}; record longer" + ("" if turns is None else ", or ask for shorter windows")

@@ -84,6 +84,8 @@ def hypotheses(measurement: Measurement, configured: Hypothesis, ratios: tuple[f
             x[measurement.place[HIGH_PASS]] = measurement.nominal[measurement.place[HIGH_PASS]] or _BLOCKING_HZ
         x[measurement.place[GAIN]] = gain_value(min(max(abs(factor / near.gain), low), high))
         x[measurement.place[ROTOR]] = max(inertia, 0.0)
+        if np.count_nonzero(coarse.expected(hypothesis, x).good) < len(free):
+            continue  # a high pass settles in no stretch of a record with gaps
         fit = wide_fit(coarse, hypothesis, x, free, free=free)
         if measurement.record.one_speed and DELAY not in free:
             beside = wide_fit(coarse, hypothesis, fit.x, free | {DELAY}, free=free | {DELAY})

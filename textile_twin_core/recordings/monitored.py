@@ -80,6 +80,8 @@ def watch_bag(job: Job, progress: Progress | None = None) -> Watched:
     except TwinError as error:
         return Watched(job.bag, {}, (), str(error))
     notes += found.notes
+    if found.cycles:
+        notes += ("the shaft reverses: a turn stands for a cycle of its motion, there and back",)
     turns, learnt = len(found.columns.get("turn", ())), max(found.unwatched, job.settings.learn_turns)
     if turns > learnt:
         notes += _foreign(found.columns, run.measured.torque_Nm)
