@@ -35,7 +35,11 @@ export TEXTILE_TWIN_CACHE_DIR="${TEXTILE_TWIN_CACHE_DIR:-$root/out/compiled}"
 "$venv/bin/python" - > /dev/null 2>&1 <<'COMPILE' &
 import numpy as np
 import textile_twin_core as ttc
+from textile_twin_core.shaft import create_estimator
 for shaft in ("causal", "lag", "smooth"):
+    estimator = create_estimator(shaft)
+    estimator.step(np.arange(200) / 500.0, np.arange(200) * 0.03)
+    estimator.finish()
     session = ttc.compile(ttc.machines.tufting(), outputs=["balancing_torque_Nm"]).session(shaft=shaft)
     session.step(np.arange(200) * 2_000_000, np.arange(200) * 0.03)
     session.finish()

@@ -61,12 +61,12 @@ def shown(*arguments: str, answer: str | None = None, codes: tuple[int, ...] = (
 @pytest.mark.parametrize(
     ("command", "expected", "least"),
     [
-        ("compare --machine tufting --html {out}.html", ["predicting", "judging", "comparing", "writing"], 100),
+        ("compare --machine tufting", ["predicting", "judging", "comparing"], 70),
         *more(
+            ("compare --machine tufting --html {out}.html", ["predicting", "judging", "comparing", "writing"], 100),
             ("compare --machine tufting --quantity needle_position_m", ["comparing"], 0),
             ("calibrate --machine tufting --out {out}.yaml", ["judging", "settling"], 80),
             ("monitor --machine tufting --learn 20", ["watching"], 100),
-            ("compare --machine tufting", ["predicting", "judging", "comparing"], 70),
             ("identify --machine tufting", ["judging", "fitting", "seeking events", "weighing"], 90),
         ),
     ],

@@ -26,7 +26,7 @@ from textile_twin_core.recordings import open_bag
 
 @pytest.mark.slow
 def test_every_sensor_setting_of_a_loom_is_found_at_once() -> None:
-    case = healthy("loom", 951, duration_s=40.0)
+    case = healthy("loom", 951, duration_s=20.0)
     encoder = replace(case.encoder, zero_rad=-2.0, direction=-1, ratio=0.5)
     torque = replace(case.torque, gain=-100.0, delay_s=0.008, offset_Nm=-150.0)
     case = replace(case, encoder=encoder, torque=torque)
@@ -62,7 +62,7 @@ def test_an_ambiguity_at_one_speed_is_named_with_the_recording_that_resolves_it(
 @pytest.mark.slow
 def test_undeclared_friction_and_loads_are_not_taken_for_the_torque_sensor() -> None:
     """Standstill separates the sensor's offset from friction, the turn separates its gain from the needles' force."""
-    case = healthy("tufting", 954)
+    case = healthy("tufting", 954, duration_s=14.0)
     friction = replace(case.friction, coulomb_Nm=case.friction.coulomb_Nm + 0.5)
     case = replace(case, friction=friction, backing=replace(case.backing, force_N=1030.0))
     case = replace(case, torque=replace(case.torque, gain=0.9, offset_Nm=0.9))
@@ -81,7 +81,7 @@ def test_undeclared_friction_and_loads_are_not_taken_for_the_torque_sensor() -> 
 @pytest.mark.parametrize("offset_Nm", [0.15, *more(-0.2)])
 def test_an_offset_below_the_reporting_threshold_is_still_written(offset_Nm: float) -> None:
     """The stated RMS is that of the machine that is written."""
-    case = healthy("tufting", 955)
+    case = healthy("tufting", 955, duration_s=14.0)
     case = replace(case, torque=replace(case.torque, offset_Nm=offset_Nm))
     made = record(case)
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
@@ -197,7 +197,7 @@ def test_the_stated_rms_contains_the_estimates_that_are_not_written() -> None:
 
 @pytest.mark.slow
 def test_a_recording_of_another_machine_gives_no_calibration() -> None:
-    case = replace(healthy("tufting", 953, duration_s=12.0), configured_machine="loom")
+    case = replace(healthy("tufting", 953, duration_s=10.0), configured_machine="loom")
     made = record(case)
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
     with pytest.raises(RecordingError, match="not this machine"):

@@ -25,7 +25,7 @@ from textile_twin_core.recordings.prediction import recompute
 @pytest.mark.slow
 def test_a_declared_shaft_has_no_fault_and_a_gain_is_found() -> None:
     wide = WideMachine(0.06)
-    made, machine = record(wide, 300.0), declared(wide, True)
+    made, machine = record(wide, 300.0, 2.0), declared(wide, True)
     angle = np.mod(made.encoder_rad, 2.0 * np.pi)
     predicted = recompute(AngleSamples("main_shaft/angle", made.stamps_ns, angle, None), machine)
     known = (predicted.stamps_ns, predicted.torque_Nm, predicted.settled)

@@ -17,7 +17,7 @@ from textile_twin_core.comparison.monitor import Monitor
 from textile_twin_core.machine import Machine
 from textile_twin_core.machine.sensors import Encoder, Sensors
 
-TEETH, MISSING, SECONDS, NOISE_NM = 60, 2, 24.0, 0.08
+TEETH, MISSING, SECONDS, NOISE_NM = 60, 2, 12.0, 0.08
 CASE = healthy("tufting", 961, run_up=False, duration_s=SECONDS)
 PITCH = np.concatenate([0.002 * np.random.default_rng(3).standard_normal(TEETH - MISSING), np.zeros(MISSING)])
 

@@ -19,12 +19,13 @@ from textile_twin_core.inference.parameter import ROTOR
 from textile_twin_core.inference.priors import WorkingPoint, parameters
 from textile_twin_core.inference.torque_model import TabulatedTorque
 
+SECONDS = 14.0
 ADDED_KGM2 = 0.05
 """Eight times the tufting machine's own inertia, three times the loom's largest."""
 
 
-def heavier(machine: str, **changes: object) -> Case:
-    return healthy(machine, 1, duration_s=24.0, added_inertia_kgm2=ADDED_KGM2, **changes)
+def heavier(machine: str, duration_s: float = SECONDS) -> Case:
+    return healthy(machine, 1, duration_s=duration_s, added_inertia_kgm2=ADDED_KGM2)
 
 
 def planned(case: Case) -> Readings:
@@ -42,7 +43,7 @@ def speed_controlled(
     """13 bits and torque at 1 kHz; noise of 0.05 N m."""
     fine, angle, _, torque = speed_controlled_motion(case, gain_Nms, speeds)
     rng = np.random.default_rng([1, 13])
-    time, step = np.arange(0.1, 23.9, 0.001), 2.0 * np.pi / 2**13
+    time, step = np.arange(0.1, case.duration_s - 0.1, 0.001), 2.0 * np.pi / 2**13
     true = time + jitter_s * rng.standard_normal(time.size)
     stamps = np.rint(time * 1e9).astype(np.int64)
     read = np.rint(np.interp(true, fine, angle) / step) * step
@@ -115,7 +116,7 @@ def test_beside_a_reversed_sign_both_are_named() -> None:
 @pytest.mark.slow
 def test_at_one_speed_it_is_named_together_with_the_delay() -> None:
     """A stiff controller's torque lags by the inertia over its gain, 1.25 ms: one speed does not separate the two."""
-    case = heavier("loom")
+    case = heavier("loom", 24.0)
     (cause,) = assess(speed_controlled(case, 40.0, speeds=(14.0, 14.0)), configured_machine(case)).verdict
     assert cause.cause == "unmodelled_inertia" and "sensors.torque.delay_s" in cause.equivalents
     assert cause.value == pytest.approx(ADDED_KGM2, abs=3.0 * cause.sigma) and cause.sigma < 0.2 * ADDED_KGM2
@@ -155,6 +156,6 @@ def test_the_one_of_a_little_inertia_and_a_delay_names_the_other(added_kgm2: flo
 @pytest.mark.parametrize(("machine", "gain_Nms"), [("loom", 2.0), *more(("tufting", 2.0), ("tufting", 40.0))])
 def test_late_stamps_under_a_controller_give_no_false_cause(machine: str, gain_Nms: float) -> None:
     """Errors of single accelerations reduce the fitted torque: a gain of 0.944 +- 0.005 and stronger loads."""
-    case = healthy(machine, 1, duration_s=24.0)
+    case = healthy(machine, 1, duration_s=SECONDS)
     found = assess(speed_controlled(case, gain_Nms, jitter_s=3e-4), configured_machine(case))
     assert not found.verdict and found.explained > 0.9

@@ -37,7 +37,7 @@ def test_nothing_is_said_of_a_healthy_recording(machine: str, run_up: bool) -> N
 
 @pytest.mark.parametrize("mass", [0.8, *more(1.25)])
 def test_a_rocker_of_another_mass_is_named_or_an_equivalent_and_no_sensor_is_accused(mass: float) -> None:
-    case = healthy("loom", 911, duration_s=24.0)
+    case = healthy("loom", 911, duration_s=14.0)
     made, machine = record(case), configured_machine(case)
     bodies = tuple(
         replace(body, mass_kg=mass * body.mass_kg, inertia_kgm2=mass * body.inertia_kgm2) if body.on == "l3" else body
@@ -104,7 +104,7 @@ def test_what_is_too_small_to_be_named_does_not_move_what_is(run_up: bool) -> No
 
 @pytest.mark.slow
 def test_a_run_up_separates_zero_and_delay() -> None:
-    case = healthy("tufting", 903, duration_s=24.0)
+    case = healthy("tufting", 903, duration_s=14.0)
     case = replace(
         case,
         encoder=replace(case.encoder, zero_rad=math.radians(12.0)),
@@ -161,7 +161,7 @@ def test_another_machine_is_not_taken_for_another_unit(machine: str, run_up: boo
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 @pytest.mark.parametrize("force_N", [1e-200, *more(0.0, 1e-100)])
 def test_a_load_without_effect_is_left_as_it_is(force_N: float) -> None:
-    made = record(healthy("tufting", 904, duration_s=10.0))
+    made = record(healthy("tufting", 904, duration_s=6.0))
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
     found = assess(readings, create("tufting", backing_force_N=force_N))
     assert found.found is not None
@@ -171,7 +171,7 @@ def test_a_load_without_effect_is_left_as_it_is(force_N: float) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("noise", [True, *more(False)])
 def test_settings_that_explain_nothing_are_not_reported(noise: bool) -> None:
-    case = healthy("tufting", 909, duration_s=15.0)
+    case = healthy("tufting", 909, duration_s=8.0)
     case = replace(case, encoder=replace(case.encoder, ratio=5.0 / 3.0))
     made = record(case)
     torque = np.random.default_rng(3).standard_normal(made.torque.size) if noise else made.torque
@@ -267,9 +267,9 @@ def test_angles_without_torque_before_a_recording_give_no_false_cause() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("second", "by_rad"), [(1.0, -2.0), *more((12.0, 0.3))])
+@pytest.mark.parametrize(("second", "by_rad"), [(1.0, -2.0), *more((9.0, 0.3))])
 def test_a_slip_of_the_encoder_is_reported_with_its_time_and_gives_no_false_cause(second: float, by_rad: float) -> None:
-    case = healthy("tufting", 910, run_up=False, duration_s=20.0)
+    case = healthy("tufting", 910, run_up=False, duration_s=14.0)
     made = record(case)
     after = made.angle_stamps_ns > made.angle_stamps_ns[0] + int(second * 1e9)
     angle = np.mod(made.angle + np.where(after, 0.0, -by_rad), 2.0 * math.pi)

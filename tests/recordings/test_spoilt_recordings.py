@@ -17,15 +17,15 @@ from textile_twin_core.recordings import open_bag
 
 @pytest.mark.slow
 def test_spoilt_recordings_are_read_or_refused(tmp_path: Path) -> None:
-    judges = mutations.run(tmp_path, count=600, seed=20)
+    judges = mutations.run(tmp_path, count=240, seed=20)
     for name, judge in judges.items():
-        assert judge.outcomes.total() == 200
-        assert min(judge.outcomes.values()) >= 5, (name, judge.outcomes)
+        assert judge.outcomes.total() == 80
+        assert min(judge.outcomes.values()) >= 2, (name, judge.outcomes)
         assert judge.salvaged >= judge.outcomes["refused in a line"] // 2, (name, judge.salvaged, judge.outcomes)
 
 
 def test_a_recording_cut_anywhere_gives_all_that_stands_before(tmp_path: Path) -> None:
-    assert mutations.cut_everywhere(tmp_path, offsets=150, seed=3) > 150
+    assert mutations.cut_everywhere(tmp_path, offsets=100, seed=3) > 100
 
 
 @pytest.mark.parametrize("length", [2**63 - 1, 2**63, 2**64 - 1, 2**31, 0])
