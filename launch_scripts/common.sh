@@ -76,7 +76,12 @@ make_environment() (
     fi
     export PIP_DISABLE_PIP_VERSION_CHECK=1
     : > "$log"
-    "$venv/bin/python" -m pip install --no-input --require-hashes -r "$root/$lock" 2>&1 | count_packages "$log" &&
+    # The tests import a third of the modules: bytecode of all of them takes half a minute more. Services may run as a
+    # user who cannot write it.
+    local bytecode=--compile
+    [ "$lock" = requirements-tests.lock ] && bytecode=--no-compile
+    "$venv/bin/python" -m pip install --no-input "$bytecode" --require-hashes -r "$root/$lock" 2>&1 |
+        count_packages "$log" &&
         "$venv/bin/python" -m pip install --no-deps --no-build-isolation -e "$root" -e "$ros_package" \
             >> "$log" 2>&1 || {
         tail -n 15 "$log" >&2
@@ -88,5 +93,7 @@ make_environment() (
 # A ROS installation sourced in this shell would mix its libraries with those of the wheels.
 unset PYTHONPATH PYTHONHOME LD_LIBRARY_PATH RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE
 export AMENT_PREFIX_PATH="$venv"
+# Hundreds of commands and nodes start: without written bytecode each would compile all modules again.
+unset PYTHONDONTWRITEBYTECODE
 
 make_environment || exit $?

@@ -26,8 +26,6 @@ scratch="$(mktemp -d)"
 trap 'rm -rf "$scratch"' EXIT
 export HOME="$scratch" ROS_LOG_DIR="$scratch/ros_log" ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_PYTHON_CHECK_FIELDS=1
 export PATH="$venv/bin:$PATH" MPLBACKEND=agg
-# Hundreds of commands and nodes start: without written bytecode each would compile all modules again.
-unset PYTHONDONTWRITEBYTECODE
 # Compiled loops are cached for the other tests and for the next run.
 export TEXTILE_TWIN_CACHE_DIR="${TEXTILE_TWIN_CACHE_DIR:-$root/out/compiled}"
 

@@ -24,11 +24,16 @@ def module_name(path: Path, folder: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-MODULES = {
-    module_name(path, folder): ast.parse(path.read_text(encoding="utf-8"))
-    for folder, package in zip(FOLDERS, PACKAGES, strict=True)
-    for path in (folder / package).rglob("*.py")
-}
+@cache
+def modules() -> dict[str, ast.Module]:
+    """Parse every module of both packages."""
+    return {
+        module_name(path, folder): ast.parse(path.read_text(encoding="utf-8"))
+        for folder, package in zip(FOLDERS, PACKAGES, strict=True)
+        for path in (folder / package).rglob("*.py")
+    }
+
+
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 REQUIRED = {*sys.stdlib_module_names, *(Requirement(each).name for each in PROJECT["project"]["dependencies"])}
 
@@ -55,15 +60,15 @@ def loaded(body: Iterable[ast.stmt]) -> Iterator[str]:
 
 @cache
 def loaded_by(module: str) -> tuple[str, ...]:
-    return tuple(loaded(MODULES[module].body))
+    return tuple(loaded(modules()[module].body))
 
 
 @cache
 def home(name: str) -> str | None:
     """Return our module that defines an imported name, also for lazily imported names of a package."""
-    while name and name not in MODULES:
+    while name and name not in modules():
         name, _, attribute = name.rpartition(".")
-        for node in MODULES[name].body if name in MODULES else ():
+        for node in modules()[name].body if name in modules() else ():
             if is_for_types(node):
                 names = [each for inner in node.body for each in imported(inner)]
                 found = next((each for each in names if each.endswith(f".{attribute}")), None)
@@ -91,7 +96,7 @@ def needs(name: str) -> frozenset[str]:
 def test_an_import_inside_a_function_is_for_an_optional_package() -> None:
     misplaced = [
         f"{module}:{node.lineno} {name}"
-        for module, tree in MODULES.items()
+        for module, tree in modules().items()
         for function in ast.walk(tree)
         if isinstance(function, (ast.FunctionDef, ast.AsyncFunctionDef))
         for node in ast.walk(function)
@@ -120,7 +125,7 @@ def test_what_an_import_needs_is_known(name: str, packages: set[str]) -> None:
 def test_a_class_has_a_name_of_its_own() -> None:
     """A class name occurs once in the package, so that it always means the same class."""
     places = defaultdict(list)
-    for module, tree in MODULES.items():
+    for module, tree in modules().items():
         for node in tree.body:
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 places[node.name].append(module)

@@ -13,6 +13,7 @@ from shutil import copytree, ignore_patterns
 import pytest
 from packaging.requirements import Requirement
 
+from tests.campaign import more
 from textile_twin_core.machines import tufting
 from textile_twin_core.twin import compile_machine
 
@@ -108,12 +109,14 @@ def test_machines_simulate_bench_and_published_need_no_extra(plain: Path, tmp_pa
 @pytest.mark.parametrize(
     ("arguments", "extra"),
     [
-        (["simulate", "tufting", "--rpm", "9", "--out", "x.parquet"], "files"),
         (["simulate", "tufting", "--rpm", "9", "--png", "x.png"], "view"),
-        (["simulate", "tufting", "--rpm", "9", "--out", "x.mcap"], "files"),
         (["compare", str(ROOT / "bags/tufting_160rpm_synthetic"), "--machine", "tufting"], "files"),
-        (["import", "log.csv", "--out", "bag"], "files"),
         (["explore", "--no-browser"], "files,design"),
+        *more(
+            (["simulate", "tufting", "--rpm", "9", "--out", "x.parquet"], "files"),
+            (["simulate", "tufting", "--rpm", "9", "--out", "x.mcap"], "files"),
+            (["import", "log.csv", "--out", "bag"], "files"),
+        ),
     ],
 )
 def test_what_needs_an_extra_says_how_to_install_it_from_a_checkout(

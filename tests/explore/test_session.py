@@ -201,8 +201,8 @@ def test_exports_can_be_read_elsewhere(loom: PageSession) -> None:
         assert gear.dxf.major_axis.magnitude == pytest.approx(71.233) and gear.dxf.ratio == pytest.approx(0.85)
     near = [
         math.dist(a, b)
-        for a in np.array(list(first.flattening(0.001)))[:, :2]
-        for b in np.array(list(second.flattening(0.001)))[:, :2]
+        for a in np.array(list(first.flattening(0.01)))[:, :2]
+        for b in np.array(list(second.flattening(0.01)))[:, :2]
         if abs(a[0] - b[0]) < 1.0 and abs(a[1] - b[1]) < 1.0
     ]
     assert min(near) < 0.5
@@ -243,10 +243,6 @@ def test_cam_of_a_user_s_own_turns_with_its_sizes_as_sliders() -> None:
     head, _ = unpack(session.answer({"type": "sensitivity", "free": {"beater.radius_m": [290, 310]}}))
     place = [n["text"] for n in head["numbers"]].index("beater stroke")
     assert head["rows"][0]["changes"][place] == pytest.approx(0.1 * 0.2)  # of a swing of 0.2 rad
-    head, _ = unpack(session.answer({"type": "tolerance", "free": {"beater.radius_m": [290, 310]}, "width": 0.5}))
-    assert head["samples"] == 400
-    stroke = next(row for row in head["rows"] if row["text"] == "beater stroke")
-    assert (stroke["worst_low"], stroke["worst_high"]) == pytest.approx((59.9, 60.1))
 
 
 def test_what_is_compared_goes_with_another_machine_and_stays_with_one_alike(loom: PageSession) -> None:

@@ -28,7 +28,7 @@ ALARM = re.compile("Traceback|FATAL|Exception|never retrieved")
 @pytest.mark.slow
 @pytest.mark.parametrize(("executor", "number"), [("events", signal.SIGINT), *more(("single", signal.SIGTERM))])
 def test_nodes_end_on_signals(suite: Suite, number: signal.Signals, executor: str) -> None:
-    bag = write_bag(suite.folder / "played", *shaft_angles(100_000))
+    bag = write_bag(suite.folder / "played", *shaft_angles(20_000))
     started = [
         (suite.start("record_node", f"bag:={suite.folder / 'recorded'}", f"executor:={executor}"), "recording to"),
         (suite.start("twin_node", f"executor:={executor}"), "predicting from"),

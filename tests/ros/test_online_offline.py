@@ -16,7 +16,7 @@ from tests.ros.suite import RELIABLE, SECOND_NS, Suite
 from tests.ros.test_live_topics import joint_state, stamp_of
 from textile_twin_core.arrays import FloatArray, IntArray
 
-RATE_HZ = 250.0
+RATE_HZ = 125.0
 
 
 def rough_shaft() -> tuple[IntArray, FloatArray]:

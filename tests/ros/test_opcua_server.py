@@ -25,7 +25,7 @@ from tests.ros.test_opcua_security import keys as keys
 from textile_twin_core.recordings.fault_book import FaultBook
 from textile_twin_ros.opcua_server_node import VARIABLES
 
-RATE_HZ, SAMPLES = 100.0, 500
+RATE_HZ, SAMPLES = 100.0, 250
 START_NS = 1_930_000_000 * SECOND_NS
 MACHINERY, DI = "http://opcfoundation.org/UA/Machinery/", "http://opcfoundation.org/UA/DI/"
 

@@ -27,7 +27,7 @@ from tests.ros.test_live_topics import stamp_of
 from textile_twin_core.errors import SceneError
 from textile_twin_ros.plc_registers import BYTE_ORDERS, Register, Registers
 
-RATE_HZ, SAMPLES = 100.0, 500
+RATE_HZ, SAMPLES = 100.0, 250
 
 
 class Plc:

@@ -27,15 +27,21 @@ _COPIES: dict[str, Callable[[Any], Any]] = {
 _TURN = np.linspace(0.0, 2.0 * np.pi, 50, endpoint=False)
 _IN_ANOTHER_PROCESS = """
 import pickle, sys
-twin, (theta, omega, alpha) = pickle.load(sys.stdin.buffer)
-pickle.dump((twin.outputs, twin.evaluate(theta, omega, alpha)), sys.stdout.buffer)
+given = pickle.load(sys.stdin.buffer)
+pickle.dump([(twin.outputs, twin.evaluate(*motion)) for twin, motion in given], sys.stdout.buffer)
 """
 
 
-@pytest.fixture(scope="module", params=[*ttc.machines.NAMES, *_FILES])
-def machine(request: pytest.FixtureRequest) -> AnyMachine:
-    name: str = request.param
+_NAMES = (*ttc.machines.NAMES, *_FILES)
+
+
+def _machine(name: str) -> AnyMachine:
     return ttc.load_machine(_EXAMPLES / name) if name in _FILES else ttc.machines.create(name)
+
+
+@pytest.fixture(scope="module", params=_NAMES)
+def machine(request: pytest.FixtureRequest) -> AnyMachine:
+    return _machine(request.param)
 
 
 def _outputs(machine: AnyMachine) -> list[str]:
@@ -81,16 +87,16 @@ def test_a_copied_table_is_rebuilt_to_the_same_tolerance() -> None:
     _same(twin.evaluate(_TURN, 16.0, 0.0), again.evaluate(_TURN, 16.0, 0.0))
 
 
-def test_a_twin_works_in_another_process(machine: AnyMachine) -> None:
-    twin, motion = ttc.compile(machine, _outputs(machine)[:4]), _motion(machine)
-    answer = subprocess.run(
-        [sys.executable, "-c", _IN_ANOTHER_PROCESS], input=pickle.dumps((twin, motion)), stdout=-1, check=True
-    )
-    outputs, values = pickle.loads(answer.stdout)
-    assert outputs == twin.outputs
-    expected = twin.evaluate(*motion)
-    for name in outputs:  # the other process may sum in another order
-        np.testing.assert_allclose(values[name], expected[name], rtol=0, atol=1e-14 * np.abs(expected[name]).max())
+def test_twins_work_in_another_process() -> None:
+    machines = [_machine(name) for name in _NAMES]
+    given = [(ttc.compile(machine, _outputs(machine)[:4]), _motion(machine)) for machine in machines]
+    command = [sys.executable, "-c", _IN_ANOTHER_PROCESS]
+    answer = subprocess.run(command, input=pickle.dumps(given), stdout=-1, check=True)
+    for (twin, motion), (outputs, values) in zip(given, pickle.loads(answer.stdout), strict=True):
+        assert outputs == twin.outputs
+        expected = twin.evaluate(*motion)
+        for name in outputs:  # the other process may sum in another order
+            np.testing.assert_allclose(values[name], expected[name], rtol=0, atol=1e-14 * np.abs(expected[name]).max())
 
 
 def test_the_needle_transfer_keeps_its_events_and_laws_of_motion() -> None:

@@ -72,7 +72,7 @@ def test_a_billion_radians_keep_their_phase(machine: ttc.Machine) -> None:
 def exact_values(output: str) -> tuple[np.ndarray, np.ndarray]:
     """Random angles and an output there to 50 digits; the truth of joint forces takes longer, so it has fewer."""
     reactions = output == "driven_shaft_torque_Nm"
-    theta = np.random.default_rng(11).uniform(0.0, 2.0 * math.pi, 200 if reactions else 700)
+    theta = np.random.default_rng(11).uniform(0.0, 2.0 * math.pi, 100 if reactions else 300)
     return theta, np.array([float(truth(t, SPEED, 12.0, reactions=reactions)[output]) for t in theta.tolist()])
 
 
