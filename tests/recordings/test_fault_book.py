@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict, replace
@@ -24,6 +26,30 @@ from textile_twin_core.recordings.rolling_recording import RollingRecording
 SECOND_NS = 1_000_000_000
 FRICTION = Alarm("constant_torque", "drive", 120, 7 * SECOND_NS, 0.6, 9.1, "drive side: friction changed by +0.6 N m")
 NEEDLE = replace(FRICTION, kind="load_force", side="needle", stamp_ns=9 * SECOND_NS, text="needle side: +20 %")
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can ask as another user")
+def test_a_user_without_permission_reads_who_owns_the_book() -> None:
+    """All users read the book of a service that runs; its own user acknowledges, and opens it after the end."""
+    refusal = "this user may not write it; run the command as user root$"
+    with tempfile.TemporaryDirectory(dir="/tmp") as folder:  # which other users may enter, unlike tmp_path
+        Path(folder).chmod(0o755)
+        book = FaultBook(folder, create=True)
+        book.update("/m1", "tufting", [FRICTION], [FRICTION])
+        os.seteuid(65534)
+        try:
+            other = FaultBook(folder)
+            assert [fault.text for fault in other.faults()] == [FRICTION.text]
+            with pytest.raises(OutputError, match=refusal):
+                other.acknowledge([1], "night shift")
+            other.close()
+            os.seteuid(0)
+            book.close()
+            os.seteuid(65534)
+            with pytest.raises(OutputError, match=refusal):
+                FaultBook(folder)
+        finally:
+            os.seteuid(0)
 
 
 def test_an_alarm_is_raised_acknowledged_and_cleared(tmp_path: Path) -> None:

@@ -73,6 +73,13 @@ class Fault:
 _COLUMNS = ", ".join(field.name for field in fields(Fault))
 
 
+def _refused(path: Path, error: Exception, remedy: str = "") -> OutputError:
+    """Name the book that cannot be used; where its files are another user's, name that user."""
+    if "readonly" in str(error):
+        return OutputError(f"fault book {path}: this user may not write it; run the command as user {path.owner()}")
+    return OutputError(f"fault book {path}: {error}{remedy}")
+
+
 class FaultBook:
     """The book in a folder. Any number of processes of one computer read and write the same book.
 
@@ -106,7 +113,7 @@ class FaultBook:
             self._base.execute("PRAGMA synchronous=FULL")
             self._base.executescript(_SCHEMA)
         except (OSError, sqlite3.OperationalError) as error:
-            raise OutputError(f"fault book {self.path}: {error}; choose another folder or make room") from error
+            raise _refused(self.path, error, "; choose another folder or make room") from error
         except sqlite3.DatabaseError as error:
             raise RecordingError(f"{self.path}: no fault book ({error}); choose another folder") from error
 
@@ -237,7 +244,7 @@ class FaultBook:
         try:
             yield
         except sqlite3.Error as error:
-            raise OutputError(f"fault book {self.path}: {error}") from error
+            raise _refused(self.path, error) from error
 
     @contextmanager
     def _change(self) -> Iterator[sqlite3.Connection]:
