@@ -115,7 +115,7 @@ def test_an_import_inside_a_function_is_for_an_optional_package() -> None:
         ("textile_twin_core.files.staged", set()),
         ("textile_twin_core.files.load_machine_file", {"yaml"}),
         ("pyarrow.csv", {"pyarrow"}),
-        ("textile_twin_core.bench.plots.speed.plot_work_precision", {"matplotlib"}),
+        ("textile_twin_core.views.plot_linkage.draw_linkage", {"matplotlib"}),
     ],
 )
 def test_what_an_import_needs_is_known(name: str, packages: set[str]) -> None:

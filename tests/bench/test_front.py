@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from textile_twin_core.bench.plots.speed import front
+from tests.benchmarks.plots.speed import front
 
 
 def test_what_another_beats_in_both_is_not_on_the_front() -> None:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import mpmath as mp
 import pytest
 
+from tests.benchmarks.impact_methods import TransferEquations
+from tests.benchmarks.impact_table import EVENT_DRIVEN, PENALTY, REFERENCE, TOLERANCES, WITH_EVENTS, impact_table
+from tests.benchmarks.tables import impact_lines
 from tests.contact.needle_reference import Stroke
-from textile_twin_core.bench.impact_methods import TransferEquations
-from textile_twin_core.bench.impact_table import EVENT_DRIVEN, PENALTY, REFERENCE, TOLERANCES, WITH_EVENTS, impact_table
-from textile_twin_core.bench.text import impact_lines
 from textile_twin_core.machines.needle_transfer import needle_transfer
 
 

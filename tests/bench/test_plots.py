@@ -13,12 +13,12 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
-from textile_twin_core.bench.impact_table import EVENT_DRIVEN, PENALTY, WITH_EVENTS, ImpactRow
-from textile_twin_core.bench.plots import plot_impacts, plot_shaft, plot_work_precision, style
-from textile_twin_core.bench.plots.labels import Annotation, place_labels
+from tests.benchmarks.impact_table import EVENT_DRIVEN, PENALTY, WITH_EVENTS, ImpactRow
+from tests.benchmarks.plots import plot_impacts, plot_shaft, plot_work_precision, style
+from tests.benchmarks.plots.labels import Annotation, place_labels
+from tests.benchmarks.shaft_signal import LOADS
+from tests.benchmarks.shaft_table import DRAWN_BITS, LAGS_S, NO_ALPHA, ShaftRow
 from textile_twin_core.bench.run import Row
-from textile_twin_core.bench.shaft_signal import LOADS
-from textile_twin_core.bench.shaft_table import DRAWN_BITS, LAGS_S, NO_ALPHA, ShaftRow
 
 CROWD = {
     "C, vectorised": (15.4, 8.2e-16), "C, libm loop": (122.0, 8.7e-16), "exact": (117.0, 9.4e-16),

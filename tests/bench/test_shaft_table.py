@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import textile_twin_core as ttc
+from tests.benchmarks.shaft_signal import KNOCKS, LOADS, MANY_ORDERS, STEADY, encoder_signal
+from tests.benchmarks.shaft_table import LAGS_S, NO_ALPHA, Condition, SmoothTorque, conditions, shaft_table
+from tests.benchmarks.tables import shaft_lines
 from tests.shaft.tufting_torque import TuftingTorque
-from textile_twin_core.bench.shaft_signal import KNOCKS, LOADS, MANY_ORDERS, STEADY, encoder_signal
-from textile_twin_core.bench.shaft_table import LAGS_S, NO_ALPHA, Condition, SmoothTorque, conditions, shaft_table
-from textile_twin_core.bench.text import shaft_lines
 from textile_twin_core.shaft import ShaftStates, status
 
 SPEED = 160.0 * math.pi / 30.0

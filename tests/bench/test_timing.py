@@ -6,8 +6,9 @@ import os
 
 import pytest
 
-from textile_twin_core.bench.impact_table import EVENT_DRIVEN, ImpactRow
-from textile_twin_core.bench.ratios import impact_ratios, ratio, ratios
+from tests.benchmarks.impact_table import EVENT_DRIVEN, ImpactRow
+from tests.benchmarks.tables import impact_ratios
+from textile_twin_core.bench.ratios import ratio, ratios
 from textile_twin_core.bench.run import Row
 from textile_twin_core.bench.text import heading, ratio_lines
 from textile_twin_core.bench.timing import PINS, Candidate, bench_core, one_core, take_turns

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 import textile_twin_core as ttc
+from tests.benchmarks.plots import style
 from tests.shaft.textbook import textbook
-from textile_twin_core.bench.plots import style
 from textile_twin_core.dynamics.body import Body
 from textile_twin_core.shaft import create_estimator
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from textile_twin_core.bench.impact_table import EVENT_DRIVEN, ImpactRow
 from textile_twin_core.bench.run import Row
 from textile_twin_core.bench.yardsticks import YARDSTICK
 
@@ -43,16 +42,6 @@ def ratios(rows: Sequence[Row]) -> list[Ratio]:
         ratio(row_name(above), row_name(below), above.ns_per_round, below.ns_per_round)
         for above, below in _pairs(rows)
         if above.ns_per_round and below.ns_per_round
-    ]
-
-
-def impact_ratios(rows: Sequence[ImpactRow]) -> list[Ratio]:
-    """Compare runs with impacts: every method at its tightest setting over ours at its tightest."""
-    last = {row.method: row for row in rows}
-    ours = last.pop(EVENT_DRIVEN)
-    return [
-        ratio(f"{row.method}, {row.setting}", f"{ours.method}, {ours.setting}", row.ms_per_round, ours.ms_per_round)
-        for row in last.values()
     ]
 
 

@@ -9,10 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from textile_twin_core.bench.plots import style
-from textile_twin_core.bench.plots.labels import Annotation, place_labels
-from textile_twin_core.bench.shaft_signal import KNOCKS, MANY_ORDERS, RATE_HZ, STEADY
-from textile_twin_core.bench.shaft_table import DRAWN_BITS, NO_ALPHA, ShaftRow
+from tests.benchmarks.plots import style
+from tests.benchmarks.plots.labels import Annotation, place_labels
+from tests.benchmarks.shaft_signal import KNOCKS, MANY_ORDERS, RATE_HZ, STEADY
+from tests.benchmarks.shaft_table import DRAWN_BITS, NO_ALPHA, ShaftRow
 
 _COLOURS = {STEADY: style.OURS, KNOCKS: style.LIMIT, MANY_ORDERS: style.OTHERS}
 _MARKERS = {16: "o", 14: "v", 12: "s", 10: "D", 8: "^"}

@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from textile_twin_core.bench.plots import style
-from textile_twin_core.bench.plots.labels import Annotation, place_labels
+from tests.benchmarks.plots import style
+from tests.benchmarks.plots.labels import Annotation, place_labels
 from textile_twin_core.bench.ratios import COMPILED, RIGID_BODIES
 from textile_twin_core.bench.run import Row
 

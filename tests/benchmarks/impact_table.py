@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-from textile_twin_core.bench.impact_methods import Times, TransferEquations, event_driven
+from tests.benchmarks.impact_methods import Times, TransferEquations, event_driven
 from textile_twin_core.bench.timing import Candidate, one_core, take_turns
 from textile_twin_core.machines.needle_transfer import needle_transfer
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from tests.benchmarks.shaft_signal import KNOCKS, MANY_ORDERS, STEADY, EncoderSignal, encoder_signal
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.bench.shaft_signal import KNOCKS, MANY_ORDERS, STEADY, EncoderSignal, encoder_signal
 from textile_twin_core.bench.timing import clock, one_core
 from textile_twin_core.dynamics import INPUTS
 from textile_twin_core.expression.loop import Loop

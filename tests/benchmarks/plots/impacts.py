@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from textile_twin_core.bench.impact_table import EVENT_DRIVEN, PENALTY, ImpactRow
-from textile_twin_core.bench.plots import style
-from textile_twin_core.bench.plots.labels import Annotation, place_labels
+from tests.benchmarks.impact_table import EVENT_DRIVEN, PENALTY, ImpactRow
+from tests.benchmarks.plots import style
+from tests.benchmarks.plots.labels import Annotation, place_labels
 
 FLOOR_S = 1e-18
 """Lower bound of drawn errors: half a unit in the last place of the event times."""
