@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from xml.etree import ElementTree
 
-from textile_twin_ros.machine_namespace import INPUTS, OUTPUTS
+from textile_twin_ros.machine_namespace import INPUTS, OUTPUTS, PROCESS
 
 PROGRAM = "policy.sh"
 DESCRIPTION = """\
@@ -43,11 +43,13 @@ class Rights:
 
 RIGHTS = {
     "twin_node": Rights((*OUTPUTS, "~/transition_event"), INPUTS, ("reset", *LIFECYCLE)),
-    "record_node": Rights((), (*INPUTS, *OUTPUTS, "twin_node/transition_event", "/diagnostics"), ("start", "stop")),
+    "record_node": Rights(
+        (), (*INPUTS, *OUTPUTS, *PROCESS, "twin_node/transition_event", "/diagnostics"), ("start", "stop")
+    ),
     "view_node": Rights((), (*INPUTS, *OUTPUTS, "/diagnostics")),
-    "monitor_node": Rights((), INPUTS, ("learn_again",)),
+    "monitor_node": Rights(PROCESS, INPUTS, ("learn_again",)),
     "fault_node": Rights(
-        (), (*INPUTS, *OUTPUTS, "twin_node/transition_event", "/diagnostics"), ("list", "acknowledge")
+        (), (*INPUTS, *OUTPUTS, *PROCESS, "twin_node/transition_event", "/diagnostics"), ("list", "acknowledge")
     ),
     "shaft_node": Rights(INPUTS),
     "plc_node": Rights(INPUTS, ("balancing_torque/predicted",)),

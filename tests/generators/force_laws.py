@@ -98,15 +98,46 @@ def case_of(law: ForceLaw, seed: int, **changes: object) -> Case:
 def record_law(law: ForceLaw, case: Case) -> MillRecording:
     """Sample a case's sensors, with the law's torque in the shaft."""
     made = record(case)
-    s, end = case.torque, reach(law.machine)
+    return replace(made, torque=made.torque + case.torque.gain * law_torque(law, case, made))
+
+
+def law_torque(law: ForceLaw, case: Case, made: MillRecording) -> Floats:
+    """Compute the law's torque in the shaft at each measured torque, as the sensor's delay shows it [N m]."""
+    end = reach(law.machine)
     begin = end - law.range_m if law.range_m else PLANE_M
-    # the stamps' own errors are tens of microseconds: the law's torque is taken at the stamp
-    time = (made.torque_stamps_ns - made.torque_stamps_ns[0]) * 1e-9 + 0.0507
-    late = time - s.delay_s - s.drift * (time - 0.5 * case.duration_s)
-    theta, omega, _ = made.plan.at(np.clip(late, 0.0, case.duration_s))
+    theta, omega = motion_at_torques(case, made)
     place, slope = measured(law.machine, theta)
     z = np.maximum((place - begin) / (end - begin), 0.0)
     speed = np.abs(omega) / SPEED[law.machine]
     size = np.where(slope * omega > 0.0, law.down(z, speed), law.up(z, speed)) * FORCE_N
-    torque = np.where(place >= begin, size, 0.0) * slope * np.sign(slope * omega)
-    return replace(made, torque=made.torque + s.gain * torque)
+    return np.where(place >= begin, size, 0.0) * slope * np.sign(slope * omega)
+
+
+def motion_at_torques(case: Case, made: MillRecording) -> tuple[Floats, Floats]:
+    """Compute angle and speed of the shaft that each measured torque shows."""
+    s = case.torque
+    # the stamps' own errors are tens of microseconds: the law's torque is taken at the stamp
+    time = (made.torque_stamps_ns - made.torque_stamps_ns[0]) * 1e-9 + 0.0507
+    late = time - s.delay_s - s.drift * (time - 0.5 * case.duration_s)
+    theta, omega, _ = made.plan.at(np.clip(late, 0.0, case.duration_s))
+    return theta, omega
+
+
+def pierce_in_cloth(
+    case: Case, growth: Callable[[Floats], Floats], cloth: Callable[[Floats], Floats], with_pierce: bool
+) -> MillRecording:
+    """Record the law "pierce" with needles and cloth that change.
+
+    Args:
+        case: of the machine.
+        growth, cloth: change of the pierce and of the cloth's force, as shares, by the number of the turn.
+        with_pierce: the cloth changes the pierce, too, and not only the force beside it.
+    """
+    made = record_law(LAWS["pierce"], case)
+    theta, _ = motion_at_torques(case, made)
+    turn = (theta - theta[0]) / _TURN
+    pierce = law_torque(ForceLaw("tufting", lambda z, v: 0.9 * _bump(z, 0.2, 0.12), lambda z, v: 0.0 * z), case, made)
+    whole = law_torque(LAWS["pierce"], case, made)
+    grown = pierce * growth(turn)
+    other = cloth(turn) * (whole + grown if with_pierce else whole - pierce)
+    return replace(made, torque=made.torque + case.torque.gain * (grown + other))

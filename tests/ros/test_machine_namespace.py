@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from textile_twin_ros.machine_namespace import MachineNamespace
+from textile_twin_core.recordings.message_types import JOINT_STATE, WRENCH
+from textile_twin_ros.machine_namespace import PROCESS, MachineNamespace, published_by_twins
 
 THERE = [
     "/diagnostics",
@@ -48,3 +49,10 @@ def test_diagnostics_are_distinguished_by_their_node() -> None:
     assert third.speaks_of("machine_3/twin_node: outputs") and not third.speaks_of("twin_node: outputs")
     assert not third.speaks_of("mill/machine_3/record_node: recording")
     assert third.speaks_of("drive: temperature") and root.speaks_of("plc/line 3: contactor")
+
+
+def test_the_forces_that_a_monitor_publishes_are_not_played_beside_it() -> None:
+    there = {"/m1/main_shaft/angle": JOINT_STATE, "/m1/balancing_torque/measured": WRENCH}
+    process = {f"/m1/{name}": JOINT_STATE for name in PROCESS}
+    assert published_by_twins(there | process) == set(process)
+    assert published_by_twins(process) == set()

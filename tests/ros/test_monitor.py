@@ -14,6 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
@@ -22,8 +23,10 @@ from tests.generators.faults import faulty, with_fault
 from tests.generators.mill_recordings import MillRecording
 from tests.ros.suite import RELIABLE, SECOND_NS, Suite, node_environment, shaft_angles
 from tests.ros.test_live_topics import joint_state
+from textile_twin_core.comparison import Readings
 from textile_twin_core.comparison.fault_watch import WatchSettings
-from textile_twin_core.comparison.monitor import Monitor
+from textile_twin_core.comparison.monitor import Monitor, monitor_recording
+from textile_twin_core.machines import tufting
 from textile_twin_core.recordings import BagWriter
 from textile_twin_ros.diagnostics import ERROR, OK, WARN
 from textile_twin_ros.monitor_node import MonitorNode
@@ -220,6 +223,41 @@ def test_a_torque_that_grows_beyond_its_sensors_range_is_reported(
     assert (states[11].level, states[11].message) == (OK, "as learnt")
     assert " 17.6 N m" in states[-1].message
     assert "needle side: the loads changed by +19.9" in states[-1].message and states[-1].level == ERROR
+
+
+def test_the_force_of_each_turn_is_published_with_the_stamp_of_a_sample(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = faulty("", 0.0, 981, duration_s=3.0, rate=250.0).recording
+    readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
+    offline = monitor_recording(readings, tufting(), WatchSettings(learn_turns=20)).columns
+    taken: dict[str, list[JointState]] = {"process/force_peak": [], "process/work": []}
+    with monitor_in_here(tmp_path, monkeypatch) as node:
+        executor = SingleThreadedExecutor()
+        listener = rclpy.create_node("listener")
+        executor.add_node(listener)
+        for topic, messages in taken.items():
+            listener.create_subscription(JointState, topic, messages.append, RELIABLE)
+        while not all(node.count_subscribers(topic) for topic in taken):
+            executor.spin_once(timeout_sec=0.05)
+        give(node, made)
+        node._look()
+        turns = offline["turn"].size
+        while not all(len(messages) >= turns for messages in taken.values()):
+            executor.spin_once(timeout_sec=1.0)
+        status = next(each for each in node._statuses() if each.name == "process")
+        listener.destroy_node()
+    peaks, works = taken.values()
+    assert [message.name for message in peaks] == [["backing"]] * turns
+    assert [message.name for message in works] == [["work_in", "work_out"]] * turns
+    stamps = [message.header.stamp.sec * SECOND_NS + message.header.stamp.nanosec for message in peaks]
+    assert stamps == offline["stamp_ns"][:turns].tolist() and set(stamps) <= set(made.torque_stamps_ns.tolist())
+    assert [each.effort[0] for each in peaks] == pytest.approx(offline["force_peak_N"][:turns])
+    assert [each.position[0] for each in peaks] == pytest.approx(offline["pierce_depth_m"][:turns])
+    assert [each.effort.tolist() for each in works] == pytest.approx(
+        np.stack([offline["work_in_J"], offline["work_out_J"]], axis=1)[:turns]
+    )
+    assert f"backing: at most {peaks[-1].effort[0]:.0f} N" in status.message and status.level == OK
 
 
 def a_second_of(whole: MillRecording, second: int) -> MillRecording:

@@ -13,8 +13,9 @@ from textile_twin_core.comparison.fault_signatures import KINDS, TurnFeatures
 
 SERIES = (*KINDS, "noise", "profile", "dropout", "stuck")
 """Features watched in each turn."""
-ONE_SIDED = np.array([name not in KINDS for name in SERIES])
+ONE_SIDED = np.array([name not in KINDS or name == "blunt_needles" for name in SERIES])
 """Series that count only when they grow; the others count with either sign."""
+_LOAD, _PIERCE = SERIES.index("load_force"), SERIES.index("blunt_needles")
 _PROFILE, _DROPOUT = SERIES.index("profile"), SERIES.index("dropout")
 _FARTHEST = 200.0
 _ROUNDING = 1e-6
@@ -51,9 +52,12 @@ class Band:
         away = np.nan_to_num(turns.profile_Nm - self.profile_Nm) / self.profile_sigma_Nm
         # The sampling rate is constant in time, so a slower turn holds more samples.
         full = turns.count * np.abs(turns.speed_rad_s) / max(self.usual_count, 1.0)
+        sizes = turns.sizes.copy()
+        # Cloth that differs moves the pierce by between nothing and its own share: the smaller growth is the needles'.
+        sizes[:, _PIERCE] += np.minimum(sizes[:, _LOAD] - self.mean[_LOAD], 0.0)
         return np.column_stack(
             [
-                turns.sizes,
+                sizes,
                 np.log(np.maximum(turns.noise_Nm, self.least_noise_Nm)),
                 np.log(np.maximum(np.mean(away**2, axis=1), 1e-3)),
                 -full,
@@ -82,9 +86,11 @@ def band_of(learnt: Sequence[TurnFeatures], torque_Nm: float, memory_turns: floa
     spread = np.maximum(spread, max(0.3 * float(np.median(spread)), _ROUNDING * torque_Nm))
     if first is not None:
         spread = np.maximum(spread, first.profile_sigma_Nm)
+    mean = np.zeros(len(SERIES))
+    mean[: len(KINDS)] = np.median(turns.sizes, axis=0)
     bare = Band(
         turns=len(learnt),
-        mean=np.zeros(len(SERIES)),
+        mean=mean,
         sigma=np.ones(len(SERIES)),
         profile_Nm=profile,
         profile_sigma_Nm=spread,
@@ -115,7 +121,7 @@ def moving_spread(memory_turns: float) -> float:
 def _scatter(rows: FloatArray, mean: FloatArray, torque_Nm: float, memory_turns: float) -> FloatArray:
     """Scatter of a turn, enlarged where neighbouring turns are correlated, since their mean then scatters more."""
     alone = 1.4826 * np.median(np.abs(rows - mean), axis=0)
-    floor = np.array([1e-4, 1e-4 * torque_Nm, 1e-4, 1e-5, 0.03, 0.05, 0.02 * abs(mean[_DROPOUT]) + 1e-6, 0.03])
+    floor = np.array([1e-4, 1e-4 * torque_Nm, 1e-4, 1e-5, 1e-4, 0.03, 0.05, 0.02 * abs(mean[_DROPOUT]) + 1e-6, 0.03])
     # Without clipping a single outlier would widen the band for good.
     far = _FAR * np.maximum(alone, floor)
     rows = np.clip(rows, mean - far, mean + far)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -14,6 +15,8 @@ OF_SAMPLES = ("stuck", "dropout")
 """Faults that show in the samples themselves, independent of all others."""
 SIDE = {
     "load_force": "needle",
+    "cloth": "needle",
+    "blunt_needles": "needle",
     "constant_torque": "drive",
     "sensor_offset": "sensor",
     "sensor_gain": "sensor",
@@ -27,20 +30,26 @@ _MOST = 0.6
 """Share of the change that one explanation must take to be named."""
 _AS_USUAL = 4.0
 """Largest distance of the mean of some turns from a band that contains them, in standard deviations."""
+_CERTAIN = 4.0
+"""Least size of a signature beside cloth, in its standard deviations over the turns that are examined."""
 _NOISE, _PROFILE, _DROPOUT = (SERIES.index(name) for name in ("noise", "profile", "dropout"))
+_LOAD, _PIERCE = (KINDS.index(name) for name in ("load_force", "blunt_needles"))
+_EVIDENCE = {"sensor_offset": "constant_torque", "cloth": "load_force"}
 _TO_RPM = 30.0 / math.pi
 
 
 def evidence_of(kind: str) -> str:
     """Return the series (see `SERIES`) that raises alarms of a kind."""
-    return "constant_torque" if kind == "sensor_offset" else kind
+    return _EVIDENCE.get(kind, kind)
 
 
-def worth_telling(band: Band, torque_Nm: float, least_share: float, least_phase_rad: float) -> FloatArray:
+def worth_telling(
+    band: Band, torque_Nm: float, least_load: float, least_share: float, least_phase_rad: float, least_pierce: float
+) -> FloatArray:
     """Smallest change of each series that is worth an alarm, (series,)."""
     lost = 0.1 * abs(band.mean[_DROPOUT])
     torque = least_share * torque_Nm
-    return np.array([2.0 * least_share, torque, least_share, least_phase_rad, 0.25, 0.7, lost, 0.2])
+    return np.array([least_load, torque, least_share, least_phase_rad, least_pierce, 0.25, 0.7, lost, 0.2])
 
 
 def agrees_with(turns: TurnFeatures, band: Band, worth: FloatArray) -> bool:
@@ -49,11 +58,12 @@ def agrees_with(turns: TurnFeatures, band: Band, worth: FloatArray) -> bool:
     return bool(np.all(away < np.maximum(worth, _AS_USUAL * band.sigma / math.sqrt(turns.number.size))))
 
 
-def named(turns: TurnFeatures, band: Band, worth: FloatArray) -> tuple[str, float]:
+def named(turns: TurnFeatures, band: Band, worth: FloatArray, has_pierce: bool = False) -> tuple[str, float]:
     """Return the kind of fault that a few turns show, and its size; empty when it has gone.
 
     A single signature is named if it alone explains most of the new residual (the likeliest of one-parameter
     explanations). Otherwise a change that is the same in every turn is an unknown torque, and any other is noise.
+    Beside a pierce, needles and cloth together are one explanation, and usual differences of the cloth are no fault.
     """
     rows = np.mean(band.rows(turns), axis=0) - band.mean
     for kind in OF_SAMPLES:
@@ -66,11 +76,17 @@ def named(turns: TurnFeatures, band: Band, worth: FloatArray) -> tuple[str, floa
     power = float(np.mean(turns.rms_Nm**2))
     power += float(learnt @ normal @ learnt - 2.0 * learnt @ (right + normal @ learnt))
     excess = power - math.exp(2.0 * band.mean[_NOISE])
-    taken = right**2 / np.maximum(np.diag(normal), 1e-300)
-    best = int(np.argmax(taken))
-    size = float(right[best] / max(normal[best, best], 1e-300))
-    if taken[best] > _MOST * excess and abs(size) > worth[best]:
-        return KINDS[best], size
+    if has_pierce:
+        noise = _CERTAIN**2 * math.exp(2.0 * band.mean[_NOISE]) / float(np.sum(turns.count))
+        kind, size = _beside_cloth(normal, right, (excess, noise), rows, worth)
+        if kind:
+            return kind, size
+    else:
+        taken = right**2 / np.maximum(np.diag(normal), 1e-300)
+        best = int(np.argmax(taken))
+        size = float(right[best] / max(normal[best, best], 1e-300))
+        if taken[best] > _MOST * excess and abs(size) > worth[best]:
+            return KINDS[best], size
     profiles = np.nan_to_num(turns.profile_Nm - band.profile_Nm)
     lasting, each = float(np.mean(np.mean(profiles, axis=0) ** 2)), float(np.mean(profiles**2))
     if lasting > _MOST * each and rows[_PROFILE] > worth[_PROFILE]:
@@ -86,17 +102,57 @@ def _offset(turns: TurnFeatures, band: Band) -> float:
     return mean if mean**2 > _MOST * float(np.mean(away**2)) else 0.0
 
 
-def alarm_text(kind: str, size: float, turns: TurnFeatures, band: Band, speed_known: bool) -> tuple[str, str]:
+def _beside_cloth(
+    normal: FloatArray, right: FloatArray, power: tuple[float, float], rows: FloatArray, worth: FloatArray
+) -> tuple[str, float]:
+    """Name a change beside cloth that differs as usual: needles, cloth, or the signature that adds most to them.
+
+    power: of the change, and the least of a signature that is certain.
+    """
+    excess, certain = power
+    both = (_LOAD, _PIERCE)
+    process = _taken(normal, right, both)
+    k = max((k for k in range(len(KINDS)) if k not in both), key=lambda k: _taken(normal, right, (*both, k)))
+    whole = _taken(normal, right, (*both, k))
+    size = float(_sizes(normal, right, (*both, k))[k])
+    blunt, other = rows[_PIERCE] > worth[_PIERCE], abs(rows[_LOAD]) > worth[_LOAD]
+    competes = whole - _taken(normal, right, (k,)) if blunt or other else 0.0
+    if abs(size) > worth[k] and whole - process > max(_MOST * (excess - process), competes, certain):
+        return KINDS[k], size
+    if process > _MOST * excess and (blunt or other):
+        kind = _PIERCE if blunt else _LOAD
+        return KINDS[kind], float(rows[kind])
+    return "", 0.0
+
+
+def _sizes(normal: FloatArray, right: FloatArray, columns: Sequence[int]) -> FloatArray:
+    """Sizes of some signatures together, 0 for all others."""
+    found = np.zeros(right.size)
+    some = list(columns)
+    found[some] = np.linalg.lstsq(normal[np.ix_(some, some)], right[some], rcond=1e-9)[0]
+    return found
+
+
+def _taken(normal: FloatArray, right: FloatArray, columns: Sequence[int]) -> float:
+    """Power of the residual that some signatures explain together."""
+    return float(right @ _sizes(normal, right, columns))
+
+
+def alarm_text(
+    kind: str, size: float, turns: TurnFeatures, band: Band, speed_known: bool, has_pierce: bool = False
+) -> tuple[str, str]:
     """Return the kind and the text of the alarm for a fault of a kind and size that some turns show."""
     speed = float(np.mean(turns.speed_rad_s))
     against = kind == "constant_torque" and size * math.copysign(1.0, speed) < 0.0
     offset = kind == "profile" and _offset(turns, band) != 0.0
-    name = "sensor_offset" if against or offset else kind
+    name = "sensor_offset" if against or offset else "cloth" if has_pierce and kind == "load_force" else kind
     away = np.mean(np.nan_to_num(turns.profile_Nm - band.profile_Nm), axis=0)
     angle = (float(np.argmax(np.abs(away))) + 0.5) * 360.0 / BINS
     freer = "" if offset else " (or the drive runs freer)"
     text = {
         "load_force": f"needle side: the loads changed by {size:+.1%}",
+        "cloth": f"needle side: other cloth or yarn, its force changed by {size:+.1%} on the way in and on the way out",
+        "blunt_needles": f"needle side: blunt needles, the pierce grew by {size:.1%} and the way out did not",
         "constant_torque": f"drive side: friction changed by {size:+.3g} N m (or the torque sensor's offset)",
         "sensor_offset": f"torque sensor: offset changed by {size:+.3g} N m" + freer,
         "sensor_gain": f"torque sensor: gain changed by {size:+.1%}",

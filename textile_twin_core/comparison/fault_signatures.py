@@ -9,10 +9,12 @@ import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.comparison.evidence import Settings
+from textile_twin_core.comparison.process_force import LoadTorque, pierce_of
 from textile_twin_core.comparison.range_ends import RangeEnds
 from textile_twin_core.comparison.shaft_track import TURN
 from textile_twin_core.comparison.torque_terms import TorqueTerms
 from textile_twin_core.comparison.uncertainty import turn_normals, turn_scores
+from textile_twin_core.machine import Machine
 
 BINS = 36
 FEWEST_TORQUES_PER_TURN = 12
@@ -21,9 +23,9 @@ _PHASE_STEP = 1e-3
 _JUMP_GUARD_RAD = 0.15
 """Samples this close to a discontinuity of the load are left out: else it would dominate the slip of an angle."""
 
-KINDS = ("load_force", "constant_torque", "sensor_gain", "phase")
-"""Signatures in the order of their columns: the declared loads, a constant torque, the whole torque, and its derivative
-by the shaft angle (a slipped encoder, or a delay)."""
+KINDS = ("load_force", "constant_torque", "sensor_gain", "phase", "blunt_needles")
+"""Signatures in the order of their columns: the declared loads, a constant torque, the whole torque, its derivative by
+the shaft angle (a slipped encoder, or a delay), and the pierce of a force curve."""
 
 
 @dataclass(frozen=True)
@@ -34,11 +36,12 @@ class TurnFeatures:
         number: the turn. start_ns: stamp of its first sample. count: samples in it.
         speed_rad_s: its mean speed along the path of the shaft, negative backwards.
         cut_off: samples at an end of the sensor's range, which are not fitted.
-        sizes: (t, 4) size of each signature of `KINDS`, as share of the load, N m, share of the torque, rad.
+        sizes: (t, 5) size of each signature of `KINDS`, as share of the load, N m, share of the torque, rad, share of
+            the pierce.
         noise_Nm: (t,) scatter of the residual that no signature explains. profile_Nm: (t, BINS) its mean by shaft
             angle, nan without samples.
         rms_Nm: of the whole residual. stuck: share of the torque samples equal to the one before.
-        normal, right: (t, 4, 4) and (t, 4) of the least squares that gives the sizes, per sample.
+        normal, right: (t, 5, 5) and (t, 5) of the least squares that gives the sizes, per sample.
     """
 
     number: IntArray
@@ -76,28 +79,39 @@ def slow_speed(omega_rad_s: FloatArray, turn: IntArray) -> FloatArray:
     return np.asarray(_SLOW * fastest[of_turn])
 
 
+class WatchedTerms(TorqueTerms):
+    """Parts of a machine's torque, with the pierce of its force curve; None without one (see `pierce_of`)."""
+
+    def __init__(self, machine: Machine) -> None:
+        super().__init__(machine)
+        pierce = pierce_of(machine)
+        self.pierce = LoadTorque(machine, pierce) if pierce else None
+
+
 @dataclass(frozen=True)
 class Signatures:
-    """Torque of each signature, (n,) each [N m]: load, direction of a constant torque, whole torque, its derivative."""
+    """Torque of each signature of `KINDS`, (n,) each [N m]."""
 
     load: FloatArray
     direction: FloatArray
     torque: FloatArray
     slope: FloatArray
+    pierce: FloatArray
 
 
 def signatures(
-    terms: TorqueTerms, theta: FloatArray, omega: FloatArray, alpha: FloatArray, slow_rad_s: FloatArray
+    terms: WatchedTerms, theta: FloatArray, omega: FloatArray, alpha: FloatArray, slow_rad_s: FloatArray
 ) -> Signatures:
     """Evaluate the signatures at states (n,); below `slow_rad_s` the shaft counts as standing."""
     parts = terms.at(theta, omega, alpha, slow_rad_s)
     shifted = terms.at(theta + _PHASE_STEP, omega, alpha, slow_rad_s).total
     torque = parts.total
-    return Signatures(parts.load, parts.direction, torque, (shifted - torque) / _PHASE_STEP)
+    pierce = np.zeros_like(torque) if terms.pierce is None else terms.pierce.torque(theta, omega, alpha)
+    return Signatures(parts.load, parts.direction, torque, (shifted - torque) / _PHASE_STEP, pierce)
 
 
 def turn_features(
-    terms: TorqueTerms,
+    terms: WatchedTerms,
     settings: Settings,
     stamps_ns: IntArray,
     torque_Nm: FloatArray,
@@ -129,7 +143,7 @@ def turn_features(
     cut[good] = ends.find(torque_Nm[good])
     cut &= ~_mostly(cut, good, whole)
     good &= ~cut
-    columns = settings.gain * np.stack([seen.load, seen.direction, torque, seen.slope], axis=1)
+    columns = settings.gain * np.stack([seen.load, seen.direction, torque, seen.slope, seen.pierce], axis=1)
     residual = torque_Nm - settings.gain * torque - settings.offset_Nm
     turns, first, place = np.unique(whole[good], return_index=True, return_inverse=True)
     cut_off = np.bincount(np.searchsorted(turns, whole[cut]), minlength=turns.size)

@@ -26,6 +26,8 @@ _GROWN, _TURNED = 2.0, 0.5
 """Growth of a standing fault, relative to its size, at which its alarm is repeated; the same with opposite sign."""
 _ALIKE = 4.0
 """Largest difference of the halves of a set of like turns, in standard deviations."""
+_CALM = 0.5
+"""Share of the smallest change worth an alarm below which a standing fault is calm: cloth is never as learnt."""
 _MOST_KNOWN = 8
 """Most bands in memory while alarms stand."""
 _UNSURE, _LEAST_UNSURE = 2.0, 0.02
@@ -52,6 +54,8 @@ class WatchSettings:
         settle_turns: like turns after an alarm that give the new band to compare with.
         least_share: smallest change of load, gain and of torques (share of the torque's size) worth an alarm.
         least_phase_rad: smallest slip of the angle worth an alarm.
+        least_cloth, least_pierce: where the load has a pierce, smallest change of its force both ways, and smallest
+            growth of the pierce beside it, worth an alarm. Cloth differs by less from roll to roll.
     """
 
     learn_turns: int = 100
@@ -63,6 +67,8 @@ class WatchSettings:
     settle_turns: int = 12
     least_share: float = 0.01
     least_phase_rad: float = 0.003
+    least_cloth: float = 0.25
+    least_pierce: float = 0.05
 
 
 @dataclass(frozen=True)
@@ -91,10 +97,12 @@ class FaultWatch:
     band learnt after it. The alarm is cleared when the turns agree with the first band.
 
     torque_Nm: size of the machine's torque; smallest changes worth an alarm are shares of it.
+    has_pierce: the load has a part that tells blunt needles from other cloth.
     """
 
     torque_Nm: float
     settings: WatchSettings = field(default_factory=WatchSettings)
+    has_pierce: bool = False
 
     def __post_init__(self) -> None:
         self._learning: list[TurnFeatures] = []
@@ -206,12 +214,16 @@ class FaultWatch:
         return Departure(band_of(turns, self.torque_Nm, memory, first), memory)
 
     def _worth(self, band: Band) -> FloatArray:
-        return worth_telling(band, self.torque_Nm, self.settings.least_share, self.settings.least_phase_rad)
+        s = self.settings
+        load = s.least_cloth if self.has_pierce else 2.0 * s.least_share
+        return worth_telling(band, self.torque_Nm, load, s.least_share, s.least_phase_rad, s.least_pierce)
 
     def _clear(self) -> None:
-        s, away = self.settings, self._known[0].away
+        s, first = self.settings, self._known[0]
+        small = first.size < _CALM * self._worth(first.band)
         for kind in self.active:
-            calm = away[SERIES.index(kind)] < s.clear_sigmas
+            k = SERIES.index(kind)
+            calm = first.away[k] < s.clear_sigmas or small[k]
             self._calm[kind] = self._calm[kind] + 1 if calm else 0
             if self._calm[kind] >= s.clear_turns:
                 del self._calm[kind]
@@ -247,7 +259,7 @@ class FaultWatch:
             if agrees_with(recent, earlier.band, self._worth(earlier.band)):
                 self._go_back_to(k)
                 return "", 0.0
-        kind, change = named(recent, band, self._worth(band))
+        kind, change = named(recent, band, self._worth(band), self.has_pierce)
         return ("", 0.0) if self._settling and kind not in OF_SAMPLES else (kind, change)
 
     def _tell(self, kind: str, change: float, evidence: TurnFeatures, against: Departure, alarms: list[Alarm]) -> None:
@@ -267,7 +279,7 @@ class FaultWatch:
         self._since, self._settling = [], True
         if not raised:
             return
-        name, text = alarm_text(kind, size, evidence, against.band, speed_known)
+        name, text = alarm_text(kind, size, evidence, against.band, speed_known, self.has_pierce)
         turn, stamp = int(evidence.number[-1]), int(evidence.start_ns[-1])
         self._calm[kind] = 0
         self._raised[kind] = Alarm(name, SIDE[name], turn, stamp, size, float(against.away.max()), text)

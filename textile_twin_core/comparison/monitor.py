@@ -19,6 +19,7 @@ from textile_twin_core.comparison.fault_signatures import (
     KINDS,
     Signatures,
     TurnFeatures,
+    WatchedTerms,
     signatures,
     slow_speed,
     turn_features,
@@ -30,7 +31,6 @@ from textile_twin_core.comparison.process_force import ProcessForce
 from textile_twin_core.comparison.range_ends import RangeEnds, range_end_note
 from textile_twin_core.comparison.readings import Readings
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
-from textile_twin_core.comparison.torque_terms import TorqueTerms
 from textile_twin_core.machine import Machine, TorqueFilter
 from textile_twin_core.shaft import SampleReport, create_estimator
 from textile_twin_core.twin.session import encoder_settings
@@ -64,19 +64,22 @@ class Monitor:
         machine: with calibrated sensors (see `calibrate`).
         settings: settings of the watch.
         shaft: estimator of the shaft's motion, causal or lag.
+
+    Attributes:
+        process: force of the process in each turn; None for a machine without a load over a measure.
     """
 
     def __init__(self, machine: Machine, settings: WatchSettings | None = None, shaft: str = "lag") -> None:
-        self._terms = TorqueTerms(machine)
-        self._process = ProcessForce.of(machine)
+        self._terms = WatchedTerms(machine)
         self._filter = TorqueFilter.of(machine.sensors.torque)
+        self.process = ProcessForce.of(machine) if self._filter.is_identity else None
         self._settings = configured_settings(machine)
         encoder = machine.sensors.encoder
         self._encoder = encoder
         self._estimator = create_estimator(shaft, **encoder_settings(replace(encoder, direction=1, zero_rad=0.0)))
         self._inertia = self._mean_inertia(machine)
         self._reversals, self._cycles = Reversals(), 0
-        self.watch = FaultWatch(self._torque_size(machine), settings or WatchSettings())
+        self.watch = FaultWatch(self._torque_size(machine), settings or WatchSettings(), self._terms.pierce is not None)
         self._states: list[FloatArray] = []
         self._torque: list[tuple[IntArray, FloatArray]] = []
         self._ends = RangeEnds()
@@ -160,17 +163,18 @@ class Monitor:
         kept = replace(kept, number=numbers(spans, kept.number))
         cycles = any(span.cycle is not None for span in spans)
         alarms, away = self.watch.take(kept, unsure)
-        stitches = None
-        if self._process is not None and self._filter.is_identity and not cycles:
+        forces: Mapping[str, FloatArray] = {}
+        if self.process is not None:
             slow = slow_speed(at[1], _turn(at[0]))
             residual = (seen - s.offset_Nm) / s.gain - self._terms.at(*at, slow).total
-            stitches = self._process.turns(residual, at, np.isfinite(residual) & (np.abs(at[1]) > slow))
+            moving = np.isfinite(residual) & (np.abs(at[1]) > slow) & (not cycles)  # a cycle is no whole stitch
+            forces = self.process.turns(residual, at, moving).columns(kept.number)
         self.turns += kept.number.size
         self._forget(float(time[ready].max()), stamps, torque)
         cut_off = int(kept.cut_off.sum())
         notes = (range_end_note(cut_off, self._ends.values_Nm, "turns are watched"),) if cut_off else ()
         trend = replace(_trend(kept, away, alarms, notes, self.watch.unwatched), cycles=cycles)
-        return trend if stitches is None else replace(trend, columns={**trend.columns, **stitches.columns(kept.number)})
+        return replace(trend, columns={**trend.columns, **forces})
 
     def _spans(
         self, time_s: FloatArray, place: FloatArray, torque_s: FloatArray, last: bool

@@ -10,6 +10,8 @@ import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.comparison.shaft_track import TURN
+from textile_twin_core.dynamics.loads import ForceCurve, Load
+from textile_twin_core.dynamics.loads.force_curve import POSITION
 from textile_twin_core.inference.force_law import load_name, measure_of, measured, place_of
 from textile_twin_core.machine import Machine
 from textile_twin_core.twin import compile_rigid
@@ -19,6 +21,41 @@ _WEAK = 0.1
 """Squared lever of a bin over the usual one below which its force is not determined."""
 COLUMNS = ("force_peak_N", "pierce_depth_m", "work_in_J", "work_out_J")
 """Columns of the trend, in the order of `StitchForces`."""
+_PLACES = 257
+_PEAKED, _OPPOSED = 0.05, 0.1
+"""Over the work of the way in: least work above the usual force of a pierce, least work of the way out with cloth."""
+
+
+class LoadTorque:
+    """Torque of one load of a machine on a rigid shaft."""
+
+    def __init__(self, machine: Machine, load: Load) -> None:
+        self._twin = compile_rigid(replace(machine, loads=(load,), shaft=None), ["torque_load_Nm"])
+
+    def torque(self, theta: FloatArray, omega: FloatArray, alpha: FloatArray) -> FloatArray:
+        """Compute the torque at states (n,)."""
+        torque: FloatArray = self._twin.evaluate(theta, omega, alpha)["torque_load_Nm"]
+        return torque
+
+
+def pierce_of(machine: Machine) -> ForceCurve | None:
+    """Return the pierce of the first force curve over a measure: its force above the usual one of the way in.
+
+    A curve without a peak is a pierce as a whole way in. None without such a curve, and where the way out shows no
+    force by which cloth would differ from needles.
+    """
+    for load in machine.loads:
+        if not isinstance(load, ForceCurve) or not load.measure.endswith(POSITION):
+            continue
+        places = np.linspace(load.knots[0], load.knots[-1], _PLACES)[:-1]
+        down, up = load.values(places), load.values(places, growing=False)
+        usual = float(np.median(down))
+        above, work = np.maximum(down - usual, 0.0), float(np.sum(np.abs(down)))
+        if work > 0.0 and float(np.sum(np.abs(up))) > _OPPOSED * work:
+            peaked = float(np.sum(above)) > _PEAKED * work
+            forces = tuple(max(force - usual, 0.0) for force in load.in_N) if peaked else load.in_N
+            return replace(load, in_N=forces, out_N=tuple(0.0 for _ in load.knots))
+    return None
 
 
 @dataclass(frozen=True)
@@ -61,14 +98,17 @@ class ProcessForce:
     Args:
         machine: with a load over a measure (see `of`).
         name: of the load.
+
+    Attributes:
+        place: where the load acts. count: linkages that act together.
     """
 
     def __init__(self, machine: Machine, name: str) -> None:
         self.place, _ = place_of(machine, name)
         load = next(each for each in machine.loads if load_name(each) == name)
-        self._own = compile_rigid(replace(machine, loads=(load,), shaft=None), ["torque_load_Nm"])
+        self._own = LoadTorque(machine, load)
         phase = machine.linkages[0].phase_rad
-        self._count = len(machine.linkages)
+        self.count = len(machine.linkages)
         self._position, self._slope = measured(machine, self.place.measure, phase, _NODES)
         self._way_rad = [
             float(np.mean((self._position >= self.place.begin) & (sense * self._slope > 0.0))) * TURN
@@ -94,10 +134,10 @@ class ProcessForce:
             good: (n,) mask of the usable samples.
         """
         theta, omega, alpha = (each[good] for each in states)
-        torque = residual_Nm[good] + self._own.evaluate(theta, omega, alpha)["torque_load_Nm"]
+        torque = residual_Nm[good] + self._own.torque(theta, omega, alpha)
         node = np.minimum((np.mod(theta, TURN) * (_NODES / TURN)).astype(np.int64), _NODES - 1)
         position, slope = self._position[node], self._slope[node]
-        lever = self._count * np.abs(slope) * np.sign(omega)
+        lever = self.count * np.abs(slope) * np.sign(omega)
         grows = slope * omega > 0.0
         inside = position >= self.place.begin
         whole = np.floor(theta / TURN).astype(np.int64)

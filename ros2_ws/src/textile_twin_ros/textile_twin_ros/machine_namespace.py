@@ -48,6 +48,9 @@ INDEX = "main_shaft/index"
 SECOND_ANGLE = "main_shaft/second_angle"
 #: Topics of a machine's sensors.
 INPUTS = ("main_shaft/angle", INDEX, SECOND_ANGLE, "balancing_torque/measured")
+FORCE_PEAK, WORK = "process/force_peak", "process/work"
+#: Topics of monitor_node.
+PROCESS = (FORCE_PEAK, WORK)
 #: Published once, for late listeners too.
 DESCRIPTIONS = ("robot_description", "markers")
 OUTPUTS = (
@@ -71,11 +74,11 @@ _OF_A_TWIN = (
     "twin_node/transition_event",
 )
 _OF_AN_ELASTIC_SHAFT = re.compile(r"(^|/)(torque_piece_\w+_Nm|twist_rad|\w+_lag_rad|\w+_spread_m)$")
-_NAMES = (*_OF_A_MACHINE, *INPUTS, *OUTPUTS)
+_NAMES = (*_OF_A_MACHINE, *INPUTS, *OUTPUTS, *PROCESS)
 
 
 def published_by_twins(topics: Mapping[str, str]) -> set[str]:
-    """Topics of a recording that a running twin publishes afresh from the others.
+    """Topics of a recording that a running twin or its monitor publishes again from the others.
 
     Joint states alone may be a machine's own sensors: they are a twin's where another topic can be its shaft angle.
 
@@ -89,6 +92,7 @@ def published_by_twins(topics: Mapping[str, str]) -> set[str]:
     places = {place for topic in topics if (place := _namespace(topic, (*_OF_A_TWIN, _ANGLE))) is not None}
     found = {topic for topic in topics if _namespace(topic, _OF_A_TWIN) is not None}
     found |= {topic for topic, msgtype in topics.items() if topic.endswith("/position") and msgtype == POINT}
+    found |= {topic for topic in topics if _namespace(topic, PROCESS) is not None}
     found |= {topic for topic, msgtype in topics.items() if _is_of_an_elastic_shaft(topic, msgtype)}
     general = {f"{place}{name}" for place in places for name in ("joint_states", *DESCRIPTIONS)} & topics.keys()
     if angles - general:

@@ -37,6 +37,7 @@ from textile_twin_ros.machine import load_linkage
 from textile_twin_ros.monitor_records import FaultLog, TrendFolder
 from textile_twin_ros.node_runner import EXECUTORS, call_every, run
 from textile_twin_ros.parameters import declare, parameter
+from textile_twin_ros.process_topics import ProcessTopics
 from textile_twin_ros.sample_inputs import Sample
 from textile_twin_ros.sensor_parameters import SensorParameters
 from textile_twin_ros.shaft_inputs import AngleInput, TorqueInput
@@ -75,8 +76,11 @@ class MonitorNode(Node):
         self._machine = load_linkage(settings.machine, settings.encoder())
         self._trends = TrendFolder(settings.parquet, _MOST_WRITES) if settings.parquet else None
         self._restarts = RestartWatch()
+        self._process: ProcessTopics | None = None
         self._book = FaultLog(settings.book, self.get_namespace(), settings.machine) if settings.book else None
         self._begin()
+        if self._monitor.process is not None:
+            self._process = ProcessTopics(self, self._monitor.process)
         if self._book is not None and self._book.resume(self._monitor.watch, self._fingerprint):
             self.get_logger().info(
                 f"continues with the band learnt before, and {len(self._monitor.watch.standing)} alarms"
@@ -105,7 +109,7 @@ class MonitorNode(Node):
         s = self.settings
         watch = WatchSettings(s.learn_turns, raise_sigmas=s.raise_sigmas, clear_sigmas=s.clear_sigmas)
         self._monitor = Monitor(self._machine, watch, s.shaft)
-        self._fingerprint = repr((machine_document(self._machine), watch, s.shaft))
+        self._fingerprint = repr((machine_document(self._machine), watch, s.shaft, SERIES))
         self._turns = TurnWatch()
         self._notes: tuple[str, ...] = ()
 
@@ -121,6 +125,8 @@ class MonitorNode(Node):
     def _renew(self) -> None:
         self._angle.renew()
         self._torque.renew()
+        if self._process is not None:
+            self._process.retry()
 
     def _take_angles(self, block: list[Sample]) -> None:
         for sample in block:
@@ -149,6 +155,8 @@ class MonitorNode(Node):
             self._notes = trend.notes
         if watched and self._trends is not None:
             self._trends.take(trend)
+        if watched and self._process is not None:
+            self._process.take(trend)
         for alarm in trend.alarms:
             self.get_logger().warning(f"turn {alarm.turn}: {alarm.text}")
         if self._book is not None and (watched or self._book.trouble):
@@ -160,7 +168,8 @@ class MonitorNode(Node):
         notes = [Finding("torques at an end of their range", WARN, note) for note in self._notes]
         if self._book is not None and self._book.trouble:
             notes.append(Finding("fault book", ERROR, self._book.trouble))
-        return [*inputs, with_findings(self._faults(), [*self._turns.findings(), *notes])]
+        process = [] if self._process is None else [self._process.status()]
+        return [*inputs, with_findings(self._faults(), [*self._turns.findings(), *notes]), *process]
 
     def _faults(self) -> Status:
         """Standing faults of the machine."""
