@@ -55,9 +55,9 @@ def compiled(
     function: _Function,
     *,
     inlined: bool = False,
-    apart: bool = False,
-    abreast: int = 0,
-    wide: int = 0,
+    noalias: bool = False,
+    interleave: int = 0,
+    width: int = 0,
     counted: bool = True,
 ) -> _Function:
     """Compile a function when it is first called, for the types of its arguments.
@@ -68,9 +68,9 @@ def compiled(
         function: A loop over numbers and arrays; it may call other compiled functions.
         inlined: Put the function into its callers: for small functions, and for large ones with few callers. Numba's
             public interface compiles a large function again for each compiled function above it, unless it is inlined.
-        apart: Promise that no two of its arrays share memory, so that loops over several arrays can be vectorised.
-        abreast: Vectors side by side in a loop, a power of two; 0 leaves it to LLVM.
-        wide: Numbers in a vector, a power of two; 0 leaves it to LLVM.
+        noalias: Promise that no two of its arrays share memory, so that loops over several arrays can be vectorised.
+        interleave: Vectors side by side in a loop, a power of two; 0 leaves it to LLVM.
+        width: Numbers in a vector, a power of two; 0 leaves it to LLVM.
         counted: Count references to arrays. Set it to False only for functions that make no arrays.
 
     Returns:
@@ -82,9 +82,9 @@ def compiled(
     if internals is None:
         dispatcher = numba.njit(function, inline="always" if inlined else "never", **_OPTIONS)
     else:
-        vectors = internals.Vectors(abreast, wide)
-        dispatcher = internals.Program(function, apart, vectors, forceinline=inlined, _nrt=counted, **_OPTIONS)
-    dispatcher._cache = _ContentCache(function, inlined, apart, abreast, wide, counted)
+        vectors = internals.Vectors(interleave, width)
+        dispatcher = internals.Program(function, noalias, vectors, forceinline=inlined, _nrt=counted, **_OPTIONS)
+    dispatcher._cache = _ContentCache(function, inlined, noalias, interleave, width, counted)
     result: _Function = dispatcher
     return result
 

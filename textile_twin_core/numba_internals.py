@@ -58,10 +58,10 @@ _COLLECT_AFTER = 1_000_000
 
 
 class Vectors(NamedTuple):
-    """Vectorisation of loops: `abreast` vectors side by side, of `wide` numbers each; 0 leaves it to LLVM."""
+    """Vectorisation of loops: `interleave` vectors side by side, of `width` numbers each; 0 leaves it to LLVM."""
 
-    abreast: int = 0
-    wide: int = 0
+    interleave: int = 0
+    width: int = 0
 
 
 # Code libraries -----------------------------------------------------------------------------------------------------
@@ -139,7 +139,7 @@ def _set_loop_vectors(module: Any, vectors: Vectors) -> None:
     few rounds LLVM's choice, the widest vector of the processor, is slow.
     """
     settings = []
-    for name, count in (("interleave.count", vectors.abreast), ("vectorize.width", vectors.wide)):
+    for name, count in (("interleave.count", vectors.interleave), ("vectorize.width", vectors.width)):
         if count > 0:
             number = ir.Constant(ir.IntType(32), count)
             settings.append(module.add_metadata([ir.MetaDataString(module, f"llvm.loop.{name}"), number]))
@@ -247,7 +247,7 @@ class Program(CPUDispatcher):  # type: ignore[misc]
     def __init__(
         self,
         function: Any,
-        apart: bool = False,
+        noalias: bool = False,
         vectors: Vectors = Vectors(),  # noqa: B008
         passes: type = _PlainLoops,
         **options: Any,
@@ -255,11 +255,11 @@ class Program(CPUDispatcher):  # type: ignore[misc]
         options = {"nopython": True, "boundscheck": None} | options
         super().__init__(function, targetoptions=options, pipeline_class=partial(passes, vectors))
         self._compiler._customize_flags = self._customize
-        self._apart, self._is_part = apart, False
+        self._noalias, self._is_part = noalias, False
 
     def _customize(self, flags: Any) -> Any:
         flags = _Flags(flags)
-        flags.noalias = self._apart
+        flags.noalias = self._noalias
         flags.no_cfunc_wrapper = True
         flags.no_cpython_wrapper = flags.no_compile = self._is_part
         return flags

@@ -53,7 +53,7 @@ def test_a_published_machine(name: str) -> None:
     single = ttc.machines.create(name, **given)
     same = ttc.machines.create(name, **{key: as_python(value) for key, value in given.items()})
     theta = np.linspace(0.1, 6.2, 50)
-    outputs = OUTPUTS if single.tells_torque else OUTPUTS[-1:]
+    outputs = OUTPUTS if single.has_complete_torque else OUTPUTS[-1:]
     found, right = (ttc.compile(machine, list(outputs)).evaluate(theta, 16.0, 0.0) for machine in (single, same))
     for output in outputs:
         np.testing.assert_array_equal(found[output], right[output])

@@ -192,7 +192,7 @@ def test_predictions_without_joint_states_are_forgotten_in_time() -> None:
     """An hour of them would fill the computer's memory; with joint states again the newest are drawn."""
     takers, drawn = {}, []
     view = SimpleNamespace(
-        tells_torque=True,
+        has_complete_torque=True,
         add_predicted=lambda stamps, *more: drawn.append(stamps),
         add_measured=lambda *none: None,
         add_residual=lambda *none: None,

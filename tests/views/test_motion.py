@@ -25,7 +25,7 @@ THETA = SPEED * 2e-3 * np.arange(1500) + 0.4
 
 def gear_loom() -> Machine:
     machine = ttc.machines.elliptic_gear_beatup()
-    assert isinstance(machine, Machine) and not machine.tells_torque
+    assert isinstance(machine, Machine) and not machine.has_complete_torque
     return machine
 
 

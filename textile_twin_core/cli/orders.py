@@ -102,7 +102,7 @@ def _maps(arguments: argparse.Namespace, machine: Machine | None) -> dict[str, O
     tell(*clock_notes(angles))
     tell_unit(angles)
     has_torque = bag.has_topic(topics.torque_in(bag))
-    has_residual = has_torque and machine is not None and machine.tells_torque
+    has_residual = has_torque and machine is not None and machine.has_complete_torque
     signals = arguments.signal or ["speed", *["torque"] * has_torque, *["residual"] * has_residual]
     if "residual" in signals and not has_residual:
         raise UsageError("--signal residual needs --machine, with masses, and a measured torque in the recording")

@@ -6,12 +6,12 @@ import argparse
 from pathlib import Path
 
 from textile_twin_core.cli.arguments import Parser, add_machine, add_recording, shaft_settings
-from textile_twin_core.cli.drawn import write_drawn
 from textile_twin_core.cli.mistakes import UsageError, tell
 from textile_twin_core.cli.named_machine import load_machine
 from textile_twin_core.cli.outputs import check_output, keep_input
 from textile_twin_core.cli.progress import progress
 from textile_twin_core.cli.sensor_options import add_sensors, topics_of, with_sensors
+from textile_twin_core.cli.view_recording import write_view_recording
 from textile_twin_core.files import staged
 from textile_twin_core.machine import AnyMachine
 from textile_twin_core.recordings import BagWriter, open_bag
@@ -50,7 +50,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 def _write_view(arguments: argparse.Namespace, machine: AnyMachine) -> None:
     with staged(arguments.rrd) as partial:
-        write_drawn(partial, arguments, machine)
+        write_view_recording(partial, arguments, machine)
 
 
 def _write_bag(arguments: argparse.Namespace, machine: AnyMachine) -> None:

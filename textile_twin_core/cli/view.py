@@ -7,11 +7,11 @@ import tempfile
 from pathlib import Path
 
 from textile_twin_core.cli.arguments import Parser, add_machine, add_recording, number
-from textile_twin_core.cli.drawn import write_drawn
 from textile_twin_core.cli.mistakes import UsageError, tell
 from textile_twin_core.cli.named_machine import is_machine, load_machine
 from textile_twin_core.cli.outputs import check_output
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
+from textile_twin_core.cli.view_recording import write_view_recording
 from textile_twin_core.errors import TwinError
 from textile_twin_core.files import staged
 from textile_twin_core.views.drawable import drawable, drawable_machine
@@ -59,7 +59,7 @@ def run(arguments: argparse.Namespace) -> None:
         tell(f"the viewer's font has no {' '.join(replaced)}: drawn as {' '.join(map(drawable, replaced))}")
     with tempfile.TemporaryDirectory(prefix="textile-twin-") as folder:
         recording = Path(folder) / f"{drawable(arguments.bag.stem)}.rrd"
-        write_drawn(recording, arguments, machine)
+        write_view_recording(recording, arguments, machine)
         _show(arguments, recording)
 
 

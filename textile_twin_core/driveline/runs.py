@@ -10,7 +10,7 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import by_reference, compiled, compiled_in_place
 from textile_twin_core.driveline.chain import ShaftChain
-from textile_twin_core.driveline.step import ChainState, beyond, hung, midpoint_step
+from textile_twin_core.driveline.step import ChainState, beyond, midpoint_step, mounted
 
 
 @by_reference
@@ -60,7 +60,7 @@ def observe(
     before = 0.0
     for i in range(n):
         w = omega + state.speed[i]
-        inertia, resisting, _ = hung(chain, state.load, i, theta + state.psi[i], theta + state.psi[i], w, 0.0)
+        inertia, resisting, _ = mounted(chain, state.load, i, theta + state.psi[i], theta + state.psi[i], w, 0.0)
         after = piece_torque(chain, state, i) if i < n - 1 else 0.0
         mass = chain.inertia[i] + inertia
         needed = resisting + chain.viscous[i] * w - torque[i] + after - before
@@ -164,7 +164,9 @@ def twist_statically(
     state.acceleration[:] = 0.0
     for _ in range(8):
         for i in range(n):
-            inertia, resisting, _ = hung(chain, state.load, i, theta + state.psi[i], theta + state.psi[i], omega, 0.0)
+            inertia, resisting, _ = mounted(
+                chain, state.load, i, theta + state.psi[i], theta + state.psi[i], omega, 0.0
+            )
             state.right[i] = (chain.inertia[i] + inertia) * alpha + resisting + chain.viscous[i] * omega - torque[i]
         state.psi[fixed] = 0.0
         held = 0.0

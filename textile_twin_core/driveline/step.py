@@ -76,7 +76,7 @@ def midpoint_step(
     middle_theta, middle_omega = theta + half * omega + 0.125 * h * h * alpha, omega + half * alpha
     for i in range(n):
         w = middle_omega + v[i] + half * a[i]
-        inertia, resisting, drag = hung(
+        inertia, resisting, drag = mounted(
             chain,
             state.load,
             i,
@@ -149,7 +149,7 @@ def beyond(twist: float, half_play: float) -> float:
 
 
 @compiled_in_place
-def hung(
+def mounted(
     chain: ShaftChain, load: FloatArray, station: int, angle: float, begin: float, omega: float, h: float
 ) -> tuple[float, float, float]:
     """Load of a station: inertia, resisting torque at the speed omega, and its slope over omega.

@@ -28,7 +28,7 @@ _NODES: Final = 500
 """Graph size [nodes] above which the required number of samples grows in proportion."""
 _CHUNK: Final = 8192
 """Samples interpreted at a time, so that intermediate results stay in the cache."""
-_ABREAST: Final = {12: 4, 24: 2}
+_INTERLEAVE: Final = {12: 4, 24: 2}
 """Interleaved vectors of samples, by the largest number of outputs; with more outputs memory is the limit."""
 _MET: Final[Counter[bytes]] = Counter()
 """Samples in long blocks so far, by code."""
@@ -104,7 +104,9 @@ class Loop:
             return _COMPILED[self._code]
         one, run = self.functions()
         one = run.__globals__["one"] = compiled(one, inlined=True)
-        run = compiled(run, apart=True, abreast=next((k for n, k in _ABREAST.items() if len(self._outputs) <= n), 0))
+        run = compiled(
+            run, noalias=True, interleave=next((k for n, k in _INTERLEAVE.items() if len(self._outputs) <= n), 0)
+        )
         read, written = np.empty(1), np.empty(1)
         read.flags.writeable = False
         compile_for(run, [read] * len(self._inputs) + [*self._tables.values()] + [written] * len(self._outputs))

@@ -104,7 +104,7 @@ def write_fmu(
         variables = contact_variables(names, parameters, fmi)
     else:
         assert isinstance(machine, Machine)
-        if torque_input and not machine.tells_torque:
+        if torque_input and not machine.has_complete_torque:
             raise SceneError(
                 f"machine '{machine.name}' lacks masses, without which a torque moves nothing; give"
                 f" {', '.join(machine.missing_for_torque)}"

@@ -217,7 +217,7 @@ class ContactMachine(Declared):
         return ()
 
     @property
-    def tells_torque(self) -> bool:
+    def has_complete_torque(self) -> bool:
         """False: impacts act as impulses between samples."""
         return False
 

@@ -91,7 +91,7 @@ class Machine(Declaration):
         moved = [
             f"{m.name}_{what}" for m in self.measures for what in ("position_m", "velocity_m_s", "acceleration_m_s2")
         ]
-        return (*(_TORQUES if self.tells_torque else ()), *moved) or self.outputs[:1]
+        return (*(_TORQUES if self.has_complete_torque else ()), *moved) or self.outputs[:1]
 
     @property
     def has_history(self) -> bool:
@@ -99,7 +99,7 @@ class Machine(Declaration):
         return False
 
     @property
-    def tells_torque(self) -> bool:
+    def has_complete_torque(self) -> bool:
         """True if all masses for the torque are declared."""
         return not self.missing_for_torque
 

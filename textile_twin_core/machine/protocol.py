@@ -86,7 +86,7 @@ class AnyMachine(Protocol):
         ...
 
     @property
-    def tells_torque(self) -> bool:
+    def has_complete_torque(self) -> bool:
         """True if the balancing torque at a sample is complete, without impulses between samples."""
         ...
 

@@ -53,7 +53,7 @@ def predicted_topics(machine: AnyMachine) -> PredictedTopics:
     points = {f"{measure}/position": point for measure, point in machine.tools.items()}
     joints = dict(machine.joint_outputs)
     if not isinstance(machine, Machine) or machine.shaft is None:
-        return PredictedTopics(machine.tells_torque, points, joints)
+        return PredictedTopics(machine.has_complete_torque, points, joints)
     depths, pieces, numbers = dict[str, float](), dict[str, tuple[str, str]](), dict[str, str]()
     along = station_places_m(machine)
     for place in machine.linkages:
@@ -66,7 +66,7 @@ def predicted_topics(machine: AnyMachine) -> PredictedTopics:
             pieces[topic_name(name)] = name, f"station_{machine.shaft.pieces[output.number].to_station}"
         elif output.kind in (TWIST, LAG, SPREAD):
             numbers[topic_name(name)] = name
-    return PredictedTopics(machine.tells_torque, points, joints, depths, pieces, numbers)
+    return PredictedTopics(machine.has_complete_torque, points, joints, depths, pieces, numbers)
 
 
 def topic_name(name: str) -> str:

@@ -32,8 +32,8 @@ MEMORIES: Final = np.ones(COUNT)
 for _first, _memories in zip(FIRST, _MEMORIES_BY_MODEL, strict=True):
     MEMORIES[_first : _first + len(_memories)] = _memories
 
-vectorised = partial(compiled_in_place, wide=VECTOR)  # loops over filters, in whole vectors ..
-of_arrays = partial(vectorised, apart=True, abreast=1)  # .. over few filters, one vector at a time
+vectorised = partial(compiled_in_place, width=VECTOR)  # loops over filters, in whole vectors ..
+of_arrays = partial(vectorised, noalias=True, interleave=1)  # .. over few filters, one vector at a time
 
 
 def numbers(count: int) -> list[int]:

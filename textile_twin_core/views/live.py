@@ -53,7 +53,7 @@ class LiveView(LiveRecording):
         flush_s: float = 0.1,
         buffer_samples: int = 200_000,
     ) -> None:
-        self.tells_torque = machine.tells_torque
+        self.has_complete_torque = machine.has_complete_torque
         super().__init__(("motion", "stations", "predicted", "measured", "residual"), flush_s, buffer_samples)
         turn_s = 2.0 * np.pi / machine.nominal_speed_rad_s
         title = f"{drawable(machine.name)}, live"

@@ -93,7 +93,7 @@ class LiveDrawing:
             travel=self._motion.canvas,
             measures=self._motion.curves.names,
             phase_rows=len(self._motion.phase_rows),
-            torque=self._writer.torque_canvas if self._machine.tells_torque else None,
+            torque=self._writer.torque_canvas if self._machine.has_complete_torque else None,
             residual=self._writer.residual_canvas if self._measured_too else None,
             window_s=self._window_s,
             turn_s=self._turn_s,
@@ -153,13 +153,13 @@ class LiveDrawing:
         nothing = np.full_like(time, np.nan)
         for name in self._motion.curves.names:
             self._writer.scalars(f"travel/{name}", time, nothing)
-        if self._machine.tells_torque:
+        if self._machine.has_complete_torque:
             self._writer.predicted(time + self._machine.sensors.torque.delay_s, nothing, nothing)
 
     def measured(self, time: FloatArray, torque: FloatArray) -> None:
         """Draw measured torque."""
         torque = _plausible(torque)
-        if not self._measured_too and self._machine.tells_torque:
+        if not self._measured_too and self._machine.has_complete_torque:
             self._measured_too = True
             self._stream.send_blueprint(self.layout.blueprint())
         self._fit_canvas(torque)

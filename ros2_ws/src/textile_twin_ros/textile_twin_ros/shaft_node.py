@@ -81,7 +81,7 @@ class ShaftNode(Node):
         self.executor_name = parameters.executor
         self.finished = Future()
         machine = load_machine(parameters.machine, parameters.encoder())
-        self._twin = ttc.compile(machine, outputs=[TORQUE]) if machine.tells_torque else None
+        self._twin = ttc.compile(machine, outputs=[TORQUE]) if machine.has_complete_torque else None
         encoder, torque = machine.sensors.encoder, machine.sensors.torque
         self._rpm = parameters.rpm or machine.nominal_speed_rad_s * 60.0 / TURN
         self._motion = SimulatedShaft(self._rpm, parameters.run_up_s, parameters.ripple)

@@ -168,7 +168,7 @@ def outputs_of(machine: AnyMachine, joint_rate_hz: Callable[[], float]) -> list[
     `predicted_topics`.
     """
     outputs: list[Output] = []
-    if machine.tells_torque:
+    if machine.has_complete_torque:
         outputs.append(TorqueOutput("balancing_torque/predicted", lambda sample: sample.outputs[TORQUE]))
         outputs.append(TorqueOutput(SIGMA_TOPIC, lambda sample: sample.torque_sigma_Nm))
     topics = predicted_topics(machine)
@@ -188,7 +188,7 @@ def _value_of(output: str) -> Callable[[Sample], float]:
 def topics_of(machine: AnyMachine) -> dict[str, str]:
     """Every topic that comes of a machine's samples, with its message type."""
     topics = {output.topic: output.msgtype for output in outputs_of(machine, lambda: 0.0)}
-    if machine.tells_torque:
+    if machine.has_complete_torque:
         topics[RESIDUAL_TOPIC] = WRENCH
     if machine.has_history:
         topics[contact_events.TOPIC] = contact_events.MSGTYPE

@@ -89,7 +89,7 @@ class TwinStream:
         # A machine with a history goes through all of it, with or without listeners.
         self._has_history = machine.has_history
         self._idle = self._compile(self._needs(self._outputs) if self._has_history else ())
-        self._has_torque = machine.tells_torque
+        self._has_torque = machine.has_complete_torque
         self._has_second = has_second_encoder(machine)
         jumps = load_steps(self._compile((TORQUE,))) if self._has_torque else ()
         self._residuals = ResidualStream(machine.sensors.torque, jumps)

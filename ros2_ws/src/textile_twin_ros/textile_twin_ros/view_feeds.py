@@ -72,7 +72,7 @@ class LinkageFeed:
         self._samples: dict[str, list[Sample]] = {}
         self._shift_ns = 0
         wrench, joints = TORQUE_READERS["wrench"], ANGLE_READERS["joint_state"]
-        names = ("predicted", "predicted_sigma", "measured", "residual") if view.tells_torque else ()
+        names = ("predicted", "predicted_sigma", "measured", "residual") if view.has_complete_torque else ()
         kinds = {f"balancing_torque/{name}": wrench for name in names} | {"joint_states": joints}
         self._inputs: dict[str, SampleInput] = {}
         for topic, kind in kinds.items():
@@ -129,7 +129,7 @@ class LinkageFeed:
         if not joints:
             return
         joint_stamps, theta = _columns(joints)
-        if not self._view.tells_torque:
+        if not self._view.has_complete_torque:
             self._view.add_motion(joint_stamps + self._shift_ns, theta)
             joints.clear()
             return

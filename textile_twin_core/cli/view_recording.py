@@ -15,13 +15,13 @@ from textile_twin_core.recordings import open_bag
 from textile_twin_core.recordings.predicted_topics import TORQUE
 
 
-def write_drawn(path: Path, arguments: argparse.Namespace, machine: AnyMachine) -> None:
+def write_view_recording(path: Path, arguments: argparse.Namespace, machine: AnyMachine) -> None:
     """Write the recording named by the arguments of add_recording as an .rrd file."""
     if isinstance(machine, ContactMachine):
         _write_elements(path, arguments, machine)
         return
     assert isinstance(machine, Machine)
-    if machine.tells_torque and _holds_torque(arguments):
+    if machine.has_complete_torque and _holds_torque(arguments):
         from textile_twin_core.views import write_comparison_recording
 
         comparison = compare_recording(arguments, machine)
@@ -31,12 +31,12 @@ def write_drawn(path: Path, arguments: argparse.Namespace, machine: AnyMachine) 
     from textile_twin_core.views import write_motion_recording
 
     # The samples of any output include the shaft angle.
-    outputs = [TORQUE if machine.tells_torque else next(iter(machine.joint_outputs.values()))[0]]
+    outputs = [TORQUE if machine.has_complete_torque else next(iter(machine.joint_outputs.values()))[0]]
     stations = [name for name, _ in station_joints(machine)]
     stamps, blocks, _ = predicted_blocks(arguments, machine, [*outputs, *stations], arguments.shaft)
     theta = np.concatenate([block.theta_rad for block in blocks])
-    torque = np.concatenate([block[TORQUE] for block in blocks]) if machine.tells_torque else None
-    sigma = np.concatenate([block.torque_sigma_Nm for block in blocks]) if machine.tells_torque else None
+    torque = np.concatenate([block[TORQUE] for block in blocks]) if machine.has_complete_torque else None
+    sigma = np.concatenate([block.torque_sigma_Nm for block in blocks]) if machine.has_complete_torque else None
     turned = columns_of(blocks, stations) if stations else None
     write_motion_recording(path, machine, stamps, theta, torque, sigma, title=arguments.bag.name, stations_rad=turned)
 
