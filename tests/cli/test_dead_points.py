@@ -31,7 +31,7 @@ def write(folder: Path, crank: float, ground: float, group: str, more: str = "")
     ("crank", "ground", "group", "angles", "kind", "mend"),
     [
         (0.1, 0.3, DYAD.format(0.3, 0.1, "left"), (0, 180, 360), "change", "'left_passing' or 'right_passing'"),
-        (0.1, 0.3, DYAD.format(0.1, 0.3, "right"), (0, 180, 360), "change", "branch 'left_passing' goes"),
+        (0.1, 0.3, DYAD.format(0.1, 0.3, "right"), (0, 180, 360), "change", "branch 'left_passing' passes"),
         (0.1, 0.4, DYAD.format(0.2, 0.3, "left"), (180,), "change", "other lengths"),
         (0.2, 0.1, SLIDER.format(0.2), (90, 270), "dead", "other lengths"),
     ],

@@ -140,5 +140,5 @@ def test_wrong_declarations_say_what(change: dict[str, Any], message: str) -> No
 
 
 def test_an_unknown_measure_names_those_that_are_there() -> None:
-    with pytest.raises(ttc.MachineError, match=r"'nedle_position_m' is not there; available: needle_position_m"):
+    with pytest.raises(ttc.MachineError, match=r"'nedle_position_m' does not exist; available: needle_position_m"):
         dataclasses.replace(TUFTING, loads=(dataclasses.replace(CURVE, measure="nedle_position_m"),))

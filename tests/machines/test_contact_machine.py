@@ -146,7 +146,7 @@ def test_a_session_gives_what_a_run_gives_and_the_robot_slides() -> None:
 @pytest.mark.parametrize(
     ("declared", "said"),
     [
-        ({"start_m": {"shuttle": 0.1}}, "start_m speaks of 'shuttle'; bodies: picker"),
+        ({"start_m": {"shuttle": 0.1}}, "start_m names 'shuttle'; bodies: picker"),
         ({"nominal_speed_rad_s": 0.0}, "nominal_speed_rad_s must be positive"),
         ({"axis": (0.0, 0.0)}, "axis must be a finite vector"),
         ({"springs": (dataclasses.replace(STRAP, stiffness_N_m=1e15),)}, "too stiff to be followed"),

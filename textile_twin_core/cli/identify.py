@@ -242,7 +242,7 @@ def _print(found: Identification) -> None:
             (
                 "not modelled",
                 f"a torque by shaft angle{over} of up to {float(abs(unmodelled.torque_Nm).max()):.3g} N m,"
-                f" {unmodelled.share * 100.0:.0f} % of what is left",
+                f" {unmodelled.share * 100.0:.0f} % of the residual",
             )
         )
     lost = [each.text for each in found.not_identifiable]

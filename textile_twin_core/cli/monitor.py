@@ -25,7 +25,7 @@ def parser() -> Parser:
     """Build the argument parser."""
     parser = Parser(
         "monitor",
-        "Learns the torque of a machine over its first turns, and watches the rest: needle side, drive side and\n"
+        "Learns the torque of a machine over its first turns, and watches all later ones: needle side, drive side and\n"
         "sensor faults, distinguished by their effect on the torque. A folder stands for all recordings in it.\n"
         "Exit code 3 when there was an alarm, 2 when a recording could not be watched, after all others were.",
         "textile-twin monitor bags/* --machine my_machine.yaml --parquet trends.parquet",

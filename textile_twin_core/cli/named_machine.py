@@ -62,7 +62,7 @@ def _dead_point(machine: str, found: Closeness) -> str:
     return (
         f"machine '{machine}': group '{found.group}' comes to a {'change' if change else 'dead'} point at a shaft angle"
         f" of {math.degrees(found.theta_rad):.4f} deg, where its motion and the torque are not determined; "
-        + (f"branch {mend} goes on smoothly there" if mend else "choose other lengths")
+        + (f"branch {mend} passes it smoothly" if mend else "choose other lengths")
     )
 
 

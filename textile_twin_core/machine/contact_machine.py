@@ -152,7 +152,7 @@ class ContactMachine(Declared):
         for body, place in self.start_m.items():
             check_finite(place, f"{what}: start_m of '{body}'")
             if body not in names:
-                raise MachineError(f"{what}: start_m speaks of '{body}'; bodies: {', '.join(names) or 'none'}")
+                raise MachineError(f"{what}: start_m names '{body}'; bodies: {', '.join(names) or 'none'}")
         if not self.scene.outputs:
             moved = tuple(f"{element}_{motion}" for element in self.elements for motion in MOTION)
             scene = Scene(moved, self.scene.method, self.scene.tolerance)

@@ -119,7 +119,7 @@ class Declaration(Declared):
         for name in names:
             if name not in known:
                 raise MachineError(
-                    f"machine '{self.name}': {what} speaks of '{name}', which is no {kind}; "
+                    f"machine '{self.name}': {what} names '{name}', which is no {kind}; "
                     f"available: {', '.join(known) or 'none'}"
                 )
 

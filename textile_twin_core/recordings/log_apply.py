@@ -178,7 +178,7 @@ class _Rows:
         if falls or first + int(since_first.min()) <= 0:
             at = int(np.argmax(steps < 0)) + 2
             raise RecordingError(
-                f"column '{clock.column}' goes back, first at row {at}: sort the rows by time, or where they are evenly"
+                f"column '{clock.column}' decreases, first at row {at}: sort the rows by time, or where they are evenly"
                 " spaced give --rate; where it holds the time since the row before give --time-steps"
             )
         return np.asarray(first + since_first, dtype=np.int64), _late_rows(steps)
@@ -308,7 +308,7 @@ def _rows_without(here: BoolArray) -> str:
 def _late_rows(steps: IntArray) -> str:
     """Describe times that repeat or fall from row to row; empty if they rise."""
     back, stands = np.flatnonzero(steps < 0), int(np.count_nonzero(steps == 0))
-    text = f"; goes back at {back.size} rows, first at row {back[0] + 2}" if back.size else ""
+    text = f"; decreases at {back.size} rows, first at row {back[0] + 2}" if back.size else ""
     text += f"; {stands} rows have the time of the row before" if stands else ""
     what = "such rows are in the recording, and are left out where it is used"
     return f"{text}: {what}; where rows are evenly spaced give --rate" if text else ""

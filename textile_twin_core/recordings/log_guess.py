@@ -418,9 +418,9 @@ class _Guess:
         if by_date.size < 2 or np.any(np.abs(by_date - by_timer) > most):
             return found
         if np.unique(by_date).size >= np.unique(by_timer).size:
-            self.reasons["clock"] = f"column '{timer}' goes on as '{date}' and is not used"
+            self.reasons["clock"] = f"column '{timer}' agrees with '{date}' and is not used"
             return [date]
-        self.reasons["clock"] = f"column '{date}' goes on as '{timer}', in larger steps, and is not used"
+        self.reasons["clock"] = f"column '{date}' agrees with '{timer}', in larger steps, and is not used"
         return [timer]
 
     def _rising(self, others: set[str]) -> str:

@@ -227,7 +227,7 @@ class ForceCurve:
             middle = 0.5 * (self.knots[0] + self.knots[-1])
             return Displacement(link_angle(link, context.motion, middle), link.first, link.second)
         there = ", ".join([*(f"{name}{POSITION}" for name in context.measures), SHAFT_ANGLE, "theta_K_rad of a link"])
-        raise MachineError(f"force curve '{self.name}': measure '{self.measure}' is not there; available: {there}")
+        raise MachineError(f"force curve '{self.name}': measure '{self.measure}' does not exist; available: {there}")
 
     def _link(self, context: LoadContext) -> str:
         name = self.measure.removeprefix("theta_").removesuffix("_rad")

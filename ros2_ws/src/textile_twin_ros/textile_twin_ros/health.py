@@ -44,7 +44,7 @@ _STATE_LEVELS: dict[str, bytes] = {"waiting": WARN, "settling": WARN, "starting"
 _UNFIT = ("unreadable", "rejected_", "outliers", "older")
 _INTERRUPTIONS = {
     "gaps": "pauses in the stamps",
-    "jumps": "leaps of the angle that no shaft makes (a polled controller: see encoder_stamp_jitter_s)",
+    "jumps": "discontinuities of the angle that no shaft makes (a polled controller: see encoder_stamp_jitter_s)",
     "miscounts": "gaps of teeth or index pulses elsewhere than counted",
     "set_back": "stamps that went back",
 }

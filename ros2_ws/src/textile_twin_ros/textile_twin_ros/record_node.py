@@ -303,7 +303,7 @@ class RecordNode(Recorder):
             response.success, response.message = False, str(error)
             return response
         if self._writer is None:
-            response.success, response.message = False, "the recording ended at once: its disk takes no more"
+            response.success, response.message = False, "the recording ended at once: its disk is full"
             return response
         response.success, response.message = True, str(self._writer.path)
         return response
