@@ -141,9 +141,7 @@ class ContactIntegrator:
         time_s = state.time_s
         if end == stepping.JUMPS:
             jump = piece.state(time_s)[0] - float(state.positions[-1])
-            return ContactError(
-                f"the driven element steps by {jump:.3e} m at {time_s:.9g} s; give a continuous motion"
-            )
+            return ContactError(f"the driven element steps by {jump:.3e} m at {time_s:.9g} s; give a continuous motion")
         if end == stepping.JAMMED:
             return self._jam(state)
         if end == stepping.TIED:
