@@ -12,7 +12,7 @@ import pytest
 from tests.generators import mill_recordings
 from tests.generators.configured_machine import configured_machine
 from tests.generators.faults import EXPECTED, SIZES, faulty, with_fault
-from tests.generators.mill_recordings import SPEED, MillRecording, healthy, record
+from tests.generators.mill_recordings import SPEED, MillRecording, healthy, record, torque_of
 from tests.generators.planned_motion import Plan
 from tests.generators.shaft_law import Friction
 from textile_twin_core.comparison.fault_watch import WatchSettings
@@ -51,6 +51,22 @@ def test_a_fault_is_found_and_named(kind: str) -> None:
     assert [alarm.kind for alarm in trend.alarms] == [EXPECTED[kind]]
     turn_ns = 2.0 * np.pi / 16.755 * 1e9
     assert 0.0 <= (trend.alarms[0].stamp_ns - onset) / turn_ns < 20.0
+
+
+@pytest.mark.parametrize("shape", ["dies away in the middle", "begins in the middle"])
+def test_a_growing_force_of_another_shape_than_the_files_is_one_of_the_loads(shape: str) -> None:
+    """The change takes only that part of the turn in which the loads act; a gain or a bearing would show outside."""
+    made = faulty("", 0.0, 981, duration_s=50.0, onset_s=28.0, rate=250.0)
+    r, case = made.recording, made.case
+    time = (r.torque_stamps_ns - r.torque_stamps_ns[0]) * 1e-9 + 0.0507
+    states = r.plan.at(np.clip(time, 0.0, case.duration_s))
+    bare = torque_of(replace(case, backing=replace(case.backing, force_N=0.0)), *states)
+    middle = np.exp(-0.5 * ((np.mod(states[0] - 1.9 + np.pi, 2.0 * np.pi) - np.pi) / 0.8) ** 2)
+    changed = middle if shape == "begins in the middle" else 1.0 - middle
+    grown = r.torque + (torque_of(case, *states) - bare) * changed * 0.8 * np.clip((time - 28.0) / 25.0, 0.0, 1.0)
+    alarms = monitor_recording(readings_of(replace(r, torque=grown)), configured_machine(case), _SETTINGS).alarms
+    assert {alarm.kind for alarm in alarms} == {"load_force"} and len(alarms) <= 3
+    assert all(one.size * 1.9 < other.size for one, other in pairwise(alarms))
 
 
 @pytest.mark.parametrize(("kind", "size", "largest_Nm"), [("sensor_gain", 0.12, 17.0), ("needle_force", 0.2, 12.0)])

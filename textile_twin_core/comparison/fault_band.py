@@ -35,6 +35,7 @@ class Band:
     Attributes:
         turns: their number. mean, sigma: (series,) of one turn.
         profile_Nm, profile_sigma_Nm: (BINS,) residual by shaft angle that no signature explains.
+        residual_Nm: (BINS,) whole residual by shaft angle.
         usual_count: samples in a turn. speeds_rad_s: (turns,) of each. least_noise_Nm: noise below it is rounding.
     """
 
@@ -43,6 +44,7 @@ class Band:
     sigma: FloatArray
     profile_Nm: FloatArray
     profile_sigma_Nm: FloatArray
+    residual_Nm: FloatArray
     usual_count: float
     speeds_rad_s: FloatArray
     least_noise_Nm: float
@@ -94,6 +96,7 @@ def band_of(learnt: Sequence[TurnFeatures], torque_Nm: float, memory_turns: floa
         sigma=np.ones(len(SERIES)),
         profile_Nm=profile,
         profile_sigma_Nm=spread,
+        residual_Nm=np.median(np.nan_to_num(turns.by_angle_Nm[:, 0]), axis=0),
         usual_count=float(np.median(turns.count)),
         speeds_rad_s=turns.speed_rad_s,
         least_noise_Nm=_ROUNDING * torque_Nm,

@@ -33,6 +33,10 @@ _AS_USUAL = 4.0
 _CERTAIN = 4.0
 """Least size of a signature beside cloth, in its standard deviations over the turns that are examined."""
 _NOISE, _PROFILE, _DROPOUT = (SERIES.index(name) for name in ("noise", "profile", "dropout"))
+_ACTS = 0.1
+"""Share of the largest torque of the loads above which they act."""
+_BROAD = 1.0 / 3.0
+"""Least share of the angles at which the loads act that a change of theirs takes: a bump alone may be a bearing."""
 _LOAD, _PIERCE = (KINDS.index(name) for name in ("load_force", "blunt_needles"))
 _EVIDENCE = {"sensor_offset": "constant_torque", "cloth": "load_force"}
 _TO_RPM = 30.0 / math.pi
@@ -62,7 +66,8 @@ def named(turns: TurnFeatures, band: Band, worth: FloatArray, has_pierce: bool =
     """Return the kind of fault that a few turns show, and its size; empty when it has gone.
 
     A single signature is named if it alone explains most of the new residual (the likeliest of one-parameter
-    explanations). Otherwise a change that is the same in every turn is an unknown torque, and any other is noise.
+    explanations). A change in that part of the turn alone in which the loads act is one of the loads, whatever its
+    shape. Otherwise a change that is the same in every turn is an unknown torque, and any other is noise.
     Beside a pierce, needles and cloth together are one explanation, and usual differences of the cloth are no fault.
     """
     rows = np.mean(band.rows(turns), axis=0) - band.mean
@@ -85,13 +90,40 @@ def named(turns: TurnFeatures, band: Band, worth: FloatArray, has_pierce: bool =
         taken = right**2 / np.maximum(np.diag(normal), 1e-300)
         best = int(np.argmax(taken))
         size = float(right[best] / max(normal[best, best], 1e-300))
-        if taken[best] > _MOST * excess and abs(size) > worth[best]:
+        alone = taken[best] > _MOST * excess and abs(size) > worth[best]
+        share = 0.0 if alone and best == _LOAD else _of_the_loads(turns, band, best)
+        if abs(share) > worth[_LOAD]:
+            return "load_force", share
+        if alone:
             return KINDS[best], size
     profiles = np.nan_to_num(turns.profile_Nm - band.profile_Nm)
     lasting, each = float(np.mean(np.mean(profiles, axis=0) ** 2)), float(np.mean(profiles**2))
     if lasting > _MOST * each and rows[_PROFILE] > worth[_PROFILE]:
         return "profile", _offset(turns, band) or float(np.sqrt(lasting))
     return ("noise", float(rows[_NOISE])) if rows[_NOISE] > worth[_NOISE] else ("", 0.0)
+
+
+def _of_the_loads(turns: TurnFeatures, band: Band, best: int) -> float:
+    """Change of the loads as share of them, where a change by shaft angle is better explained by the loads than by the
+    best signature: any torque at the angles where they act, and none at all others (Akaike's criterion). 0 otherwise.
+    """
+    by_angle = np.mean(turns.by_angle_Nm, axis=0)
+    seen = np.isfinite(by_angle).all(axis=0)
+    change, columns = (by_angle[0] - band.residual_Nm)[seen], by_angle[1:, seen]
+    load, other = columns[_LOAD], columns[best]
+    acts = np.abs(load) > _ACTS * np.max(np.abs(load), initial=0.0)
+    inside = change[acts] ** 2
+    if not acts.any() or acts.all() or not inside.any():
+        return 0.0
+    variance = band.profile_sigma_Nm[seen] ** 2 / turns.number.size
+    outside = float(np.sum(change[~acts] ** 2))
+    signature = change - other * (change @ other) / max(float(other @ other), 1e-300)
+    free = 2.0 * float(np.sum(variance[acts]))
+    broad = float(np.sum(inside)) ** 2 / float(np.sum(inside**2)) > _BROAD * inside.size
+    lasting = outside < (1.0 - _MOST) * float(np.sum(change**2))
+    if not (broad and lasting and outside + free < float(signature @ signature)):
+        return 0.0
+    return float(change[acts] @ load[acts]) / float(load[acts] @ load[acts])
 
 
 def _offset(turns: TurnFeatures, band: Band) -> float:

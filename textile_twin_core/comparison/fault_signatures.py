@@ -39,7 +39,7 @@ class TurnFeatures:
         sizes: (t, 5) size of each signature of `KINDS`, as share of the load, N m, share of the torque, rad, share of
             the pierce.
         noise_Nm: (t,) scatter of the residual that no signature explains. profile_Nm: (t, BINS) its mean by shaft
-            angle, nan without samples.
+            angle, nan without samples. by_angle_Nm: (t, 1 + 5, BINS) likewise of the residual and the signatures.
         rms_Nm: of the whole residual. stuck: share of the torque samples equal to the one before.
         normal, right: (t, 5, 5) and (t, 5) of the least squares that gives the sizes, per sample.
     """
@@ -52,6 +52,7 @@ class TurnFeatures:
     sizes: FloatArray
     noise_Nm: FloatArray
     profile_Nm: FloatArray
+    by_angle_Nm: FloatArray
     rms_Nm: FloatArray
     stuck: FloatArray
     normal: FloatArray
@@ -159,7 +160,11 @@ def turn_features(
     bins = np.minimum((np.mod(theta[good], TURN) * (BINS / TURN)).astype(np.int64), BINS - 1)
     cell = place * BINS + bins
     filled = np.bincount(cell, minlength=turns.size * BINS)
-    profile = np.bincount(cell, weights=unexplained, minlength=turns.size * BINS) / np.where(filled > 0, filled, np.nan)
+    filled = np.where(filled > 0, filled, np.nan).reshape(turns.size, BINS)
+
+    def means(values: FloatArray) -> FloatArray:
+        return np.bincount(cell, weights=values, minlength=turns.size * BINS).reshape(turns.size, BINS) / filled
+
     same = np.concatenate([[False], np.diff(torque_Nm) == 0.0])[good]
     return TurnFeatures(
         number=turns,
@@ -169,7 +174,8 @@ def turn_features(
         speed_rad_s=_mean_speed(omega[good], place) / count,
         sizes=sizes,
         noise_Nm=np.sqrt(np.bincount(place, weights=unexplained**2) / count),
-        profile_Nm=profile.reshape(turns.size, BINS),
+        profile_Nm=means(unexplained),
+        by_angle_Nm=np.stack([means(each) for each in (used, *columns.T)], axis=1),
         rms_Nm=np.sqrt(np.bincount(place, weights=used**2) / count),
         stuck=np.bincount(place, weights=same) / count,
         normal=normal,

@@ -113,6 +113,7 @@ class FaultWatch:
         self._settling = False  # the band after the last alarm is not learnt yet
         self._calm: dict[str, int] = {}  # calm turns, by the kind of each standing fault
         self._raised: dict[str, Alarm] = {}  # the last of each kind
+        self._shown: dict[str, int] = {}  # series that shows each standing fault, where it is not that of its kind
         self._suspected = False
         self._evidence: list[TurnFeatures] = []
         self.latest = np.zeros(len(SERIES))
@@ -222,7 +223,7 @@ class FaultWatch:
         s, first = self.settings, self._known[0]
         small = first.size < _CALM * self._worth(first.band)
         for kind in self.active:
-            k = SERIES.index(kind)
+            k = self._shown.get(kind, SERIES.index(kind))
             calm = first.away[k] < s.clear_sigmas or small[k]
             self._calm[kind] = self._calm[kind] + 1 if calm else 0
             if self._calm[kind] >= s.clear_turns:
@@ -264,7 +265,7 @@ class FaultWatch:
 
     def _tell(self, kind: str, change: float, evidence: TurnFeatures, against: Departure, alarms: list[Alarm]) -> None:
         """Raise the alarm of a fault that is new, has grown or changed sign; then learn a new band."""
-        speed = float(np.mean(evidence.speed_rad_s))
+        s, speed = self.settings, float(np.mean(evidence.speed_rad_s))
         speed_known = any(each.band.knows_speed(speed) for each in self._known)
         size = change
         if kind in self._calm:
@@ -282,6 +283,9 @@ class FaultWatch:
         name, text = alarm_text(kind, size, evidence, against.band, speed_known, self.has_pierce)
         turn, stamp = int(evidence.number[-1]), int(evidence.start_ns[-1])
         self._calm[kind] = 0
+        series = SERIES.index(kind)
+        # a load of another shape than the file's shows as other signatures
+        self._shown[kind] = series if against.away[series] > s.raise_sigmas else int(np.argmax(against.away))
         self._raised[kind] = Alarm(name, SIDE[name], turn, stamp, size, float(against.away.max()), text)
         alarms.append(self._raised[kind])
 

@@ -56,8 +56,8 @@ class FaultLog:
     def resume(self, watch: FaultWatch, fingerprint: str) -> bool:
         """Let a watch go on where the one before stopped; whether there was one of the same machine and settings."""
         arrays = self._book.recall(self._source, fingerprint)
-        if not arrays:
-            return False
+        if set(arrays or ()) != set(TurnFeatures.__dataclass_fields__):
+            return False  # none, or those of another version
         open_faults = [fault for fault in self._book.faults(self._source) if fault.cleared_ns is None]
         standing = [Alarm(f.kind, f.side, f.turn, f.stamp_ns, f.size, f.sigmas, f.text) for f in open_faults]
         watch.resume(TurnFeatures(**arrays), standing)  # type: ignore[arg-type]
