@@ -175,6 +175,20 @@ def test_what_its_own_library_writes(kind: str, tmp_path: Path) -> None:
     assert abs(int(angle.stamps[0]) - begin) < 1000
 
 
+def test_values_that_an_mdf_marks_as_invalid_are_none(tmp_path: Path) -> None:
+    """Before a bus sends the first value, loggers write a placeholder and set its invalidation bit."""
+    waits = np.arange(N) < 50
+    with MDF(version="4.10") as file:
+        file.append([Signal(DEG, TIME, name="angle", unit="deg")])
+        shown = np.where(waits, -9999.0, TORQUE)
+        file.append([Signal(shown, TIME, name="torque", unit="Nm", invalidation_bits=waits)])
+        file.save(tmp_path / "log.mf4")
+    columns, head = read_table(tmp_path / "log.mf4")
+    torque = apply(guess(columns, head).mapping, columns).torque
+    assert torque is not None and "50 rows without a number" in torque.note
+    np.testing.assert_allclose(torque.values, TORQUE[50:], atol=1e-8)
+
+
 def test_every_variable_is_named_in_a_question(tmp_path: Path) -> None:
     """Vectors, matrices, and what cannot be read."""
     content = {"time": TIME, "q": MATRIX, "short": TORQUE[::3], "odd": np.ones((7, 5)), "many": np.ones((4, 5, 6))}

@@ -376,6 +376,8 @@ def _mdf(path: Path, table: str | None, head: Head) -> Columns:
                     continue
                 name = distinct(with_unit(channel.name, read.unit), columns)
                 columns[name] = values.astype(np.float64)
+                if read.invalidation_bits is not None:  # what a logger writes before a bus sends the first value
+                    columns[name][np.asarray(read.invalidation_bits, np.bool_)] = np.nan
                 _put_times(columns, head, name, np.asarray(read.timestamps), file.start_time)
     return columns
 
