@@ -75,6 +75,17 @@ def test_the_torques_clock_is_found_by_a_speed_of_both(
     check(tmp_path / "bag", logged, torque)
 
 
+def test_rows_before_the_first_value_move_no_stamp(tmp_path: Path, logged: Pair, torque: np.ndarray) -> None:
+    """The drive's log begins with rows without a speed and a torque, as before its fieldbus runs."""
+    waited = np.arange(-60.0, 0.0, 0.1) + logged.drive_s[0]
+    empty = np.full(waited.size, np.nan)
+    columns = [(waited, logged.drive_s), (empty, logged.omega * 30.0 / np.pi), (empty, torque)]
+    drive = write(tmp_path / "drive.csv", "time_s,speed [rpm],torque [Nm]", *map(np.concatenate, columns))
+    command = ["import", angle_log(tmp_path, logged), "--torque-log", str(drive), "--out", str(tmp_path / "bag")]
+    assert main(command) == 0
+    check(tmp_path / "bag", logged, torque)
+
+
 @pytest.mark.parametrize("delay_s", [0.0, 0.02])
 def test_the_torques_clock_is_found_by_the_predicted_torque(
     delay_s: float, tmp_path: Path, logged: Pair, torque: np.ndarray

@@ -81,11 +81,13 @@ def on_clock_of_angle(
     best, channel, by = max(found, key=lambda each: (each[0].undetermined is None, abs(each[0].correlation)))
     if best.undetermined is not None:
         raise RecordingError(f"the offset of the torque's clock is not determined by {by}: {_reason(best)}; {_ADVICE}")
+    begin = float(seconds[np.isfinite(seconds)][0])  # from which OtherLogger counts the drift
+    offset_s = best.offset_s + best.drift * (begin - best.origin_s)
     text = (
-        f"the torque's times {best.offset_s:+.4f} s +- {best.half_width_s * 1e3:.2g} ms, drift {best.drift * 1e6:+.1f}"
+        f"the torque's times {offset_s:+.4f} s +- {best.half_width_s * 1e3:.2g} ms, drift {best.drift * 1e6:+.1f}"
         f" +- {best.drift_half_width * 1e6:.1f} ppm, by {by} (correlation {best.correlation:.4f})"
     )
-    done = replace(torque_log, shared=channel, offset_s=best.offset_s, drift=best.drift)
+    done = replace(torque_log, shared=channel, offset_s=offset_s, drift=best.drift)
     return ClocksOnOne(done, text)
 
 
