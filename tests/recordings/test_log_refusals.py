@@ -226,6 +226,21 @@ def test_a_corrected_mapping_is_followed_and_not_written_over(
     assert "rate_hz: 500" in (tmp_path / "bag.mapping.yaml").read_text()
 
 
+def test_a_named_column_of_times_is_read_without_the_mappings_steps(tmp_path: Path) -> None:
+    """The mapping is of a log of intervals; this log of the same logger has times in another column."""
+    intervals = np.diff(TIME, prepend=TIME[0])
+    text = table("dt [s],stamp [ms],angle [deg],torque [Nm]", intervals, TIME * 1e3, DEG, TORQUE)
+    (tmp_path / "log.csv").write_text(text)
+    (tmp_path / "mine.yaml").write_text(
+        "time: {column: 'dt [s]', unit: s, steps: true}\n"
+        "angle: {column: 'angle [deg]', unit: deg}\ntorque: {column: 'torque [Nm]', unit: N m}\nspeed: null\n"
+    )
+    command = ["import", str(tmp_path / "log.csv"), "--out", str(tmp_path / "bag")]
+    assert main([*command, "--mapping", str(tmp_path / "mine.yaml"), "--time", "stamp [ms]"]) == 0
+    stamps = open_bag(tmp_path / "bag").read_angles().stamps
+    np.testing.assert_allclose((stamps - stamps[0]) * 1e-9, TIME - TIME[0], atol=1e-6)
+
+
 def test_a_name_is_not_taken_for_another() -> None:
     names = [
         "Force [N]",

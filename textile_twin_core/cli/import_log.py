@@ -209,9 +209,9 @@ def _mapping(arguments: argparse.Namespace) -> LogMapping:
     mapping = LogMapping() if arguments.mapping is None else read_mapping(arguments.mapping)
     clock = mapping.clock
     if arguments.rate is not None:
-        clock = replace(clock, column="", unit="", fraction="", steps=False, rate_hz=arguments.rate)
+        clock = Clock(rate_hz=arguments.rate)
     if arguments.time is not None:
-        clock = replace(clock, column=arguments.time, unit="", fraction="", fraction_unit="", rate_hz=None)
+        clock = Clock(arguments.time)
     clock = replace(
         clock,
         unit=arguments.time_unit or clock.unit,
