@@ -400,3 +400,13 @@ def test_a_disk_that_is_full_at_the_end_leaves_no_half_metadata(tmp_path: Path) 
 def test_a_single_file_cannot_be_split(tmp_path: Path) -> None:
     with BagWriter(tmp_path / "b.mcap") as out, pytest.raises(RecordingError, match="a single file cannot be split"):
         out.split()
+
+
+def test_a_single_file_grows_beyond_where_a_folder_begins_the_next_file(tmp_path: Path) -> None:
+    """As record_node sets both limits whatever it writes."""
+    with BagWriter(tmp_path / "b.mcap", live=True, split_bytes=1000, split_s=60.0) as out:
+        out.add_topic("words", "std_msgs/msg/String")
+        for minute in range(100):
+            out.write("words", minute * 60_000_000_000, b"\x00\x01\x00\x00\x01\x00\x00\x00\x00")
+            out.flush()
+    assert open_bag(tmp_path / "b.mcap").message_count == 100

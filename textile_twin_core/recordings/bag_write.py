@@ -41,7 +41,7 @@ class BagWriter(ArrayWriter):
         custom_data: User entries of metadata.yaml.
         live: Write in place.
         overwrite: Replace an existing recording.
-        split_bytes: Size at which the next file of the folder starts; 0 for never.
+        split_bytes: Size at which the next file of the folder starts; 0 for never. A single file is never split.
         split_s: Time span at which the next file of the folder starts [s]; 0 for never.
 
     Raises:
@@ -218,7 +218,7 @@ class BagWriter(ArrayWriter):
         return self._file.bytes_written + self._complete.bytes
 
     def _is_full(self, log_time_ns: int) -> bool:
-        if not self._split_bytes and not self._split_ns:
+        if self._single or not (self._split_bytes or self._split_ns):
             return False
         if self._first_ns is None:
             self._first_ns = log_time_ns
