@@ -22,6 +22,7 @@ from textile_twin_core.errors import OutputError, RecordingError
 from textile_twin_core.recordings import BagWriter, open_bag
 from textile_twin_core.recordings.fault_book import Fault, FaultBook
 from textile_twin_core.recordings.rolling_recording import RollingRecording
+from textile_twin_core.recordings.zstd_storage import ZSTD_MAGIC
 
 SECOND_NS = 1_000_000_000
 FRICTION = Alarm("constant_torque", "drive", 120, 7 * SECOND_NS, 0.6, 9.1, "drive side: friction changed by +0.6 N m")
@@ -213,3 +214,22 @@ def test_a_part_is_cut_out_of_all_runs_and_old_files_go(tmp_path: Path) -> None:
     assert not killed.writer.path.exists()
     rolling.close()
     assert open_bag(rolling.writer.path).topics["/words"].count
+
+
+def test_a_damaged_file_of_a_killed_run_costs_its_own_messages_alone(tmp_path: Path) -> None:
+    """A disk that lost a byte must not keep every later cut, and with it the removal of old files, from its end."""
+    killed = RollingRecording(tmp_path / "rolling")
+    fill(killed, 1000, 1015)
+    killed.writer.flush()
+    damaged = sorted(killed.writer.path.glob("*.mcap"))[1]  # of 1005 s to 1010 s
+    content = bytearray(damaged.read_bytes())
+    (chunk,) = (i for i in range(len(content) - 4) if content[i : i + 4] == ZSTD_MAGIC)
+    content[chunk + 30] ^= 0xFF
+    damaged.write_bytes(content)
+    rolling = RollingRecording(tmp_path / "rolling")
+    fill(rolling, 1015, 1020)
+    rolling.writer.flush()
+    rolling.cut(1000 * SECOND_NS, 1020 * SECOND_NS, tmp_path / "fault_1")
+    times = [time_ns for _, time_ns, _ in open_bag(tmp_path / "fault_1").raw_messages()]
+    assert times == [tenth * SECOND_NS // 10 for tenth in [*range(10000, 10050), *range(10100, 10200)]]
+    rolling.close()

@@ -102,9 +102,9 @@ class RollingRecording:
 
 
 def _opened(run: Path) -> Bag | None:
-    """Open a run's recording; None if no part of it reached the disk."""
+    """Open the intact parts of a run's recording; None if no part of it reached the disk."""
     try:
-        return open_bag(run)
+        return open_bag(run, salvage=True)
     except RecordingError:
         return None
 
