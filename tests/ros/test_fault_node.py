@@ -121,6 +121,26 @@ def test_a_book_that_cannot_be_read_is_an_answer_of_the_service(suite: Suite) ->
     assert not done.success and str(book.path) in done.message and program.process.poll() is None
 
 
+def test_a_book_that_can_be_read_again_is_in_order(suite: Suite) -> None:
+    """As after a pause of the disk on which it lies."""
+    book = FaultBook(suite.folder / "book", create=True)
+    node, levels = suite.node(), list[bytes]()
+
+    def take(message: DiagnosticArray) -> None:
+        levels.extend(status.level for status in message.status if status.name == "fault_node: fault book")
+
+    node.create_subscription(DiagnosticArray, "/diagnostics", take, RELIABLE)
+    fault_node(suite, book)
+    suite.spin_until(lambda: levels[-1:] == [DiagnosticStatus.OK], "diagnostics")
+    for change, level in (
+        ("faults RENAME TO away", DiagnosticStatus.ERROR),
+        ("away RENAME TO faults", DiagnosticStatus.OK),
+    ):
+        with sqlite3.connect(book.path) as base:
+            base.execute(f"ALTER TABLE {change}")
+        suite.spin_until(lambda: levels[-1] == level, f"level {level!r} after {change}")  # noqa: B023
+
+
 def test_a_full_disk_delays_recordings_and_loses_no_alarm(suite: Suite) -> None:
     book = FaultBook(suite.folder / "book", create=True)
     talk, node = Talk(suite), fault_node(suite, book)

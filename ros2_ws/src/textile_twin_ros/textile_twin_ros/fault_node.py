@@ -80,7 +80,9 @@ class FaultNode(Recorder):
         self._version = -1
         self._faults: list[Fault] = []
         self._rolling: RollingRecording | None = None
-        self._trouble, self._retry_s = "", 0.0
+        self._troubles: dict[str, str] = {}
+        """What does not work at present: the disk, the book, or a recording that is cut."""
+        self._retry_s = 0.0
         self._cutter: threading.Thread | None = None
         self._cut: tuple[int, str] | TwinError | OSError | None = None
         self._topics = TopicSubscriptions(
@@ -118,7 +120,7 @@ class FaultNode(Recorder):
         with self._disk():
             self._rolling = RollingRecording(self._book.folder / f".rolling{place}")
             self._topics.write_to(self._rolling.writer)
-            self._trouble = ""
+            self._troubles.pop("disk", None)
             for topic, message in self._topics.latched():  # published once, perhaps before
                 self._take(topic, message)
 
@@ -132,7 +134,7 @@ class FaultNode(Recorder):
             if self._rolling is not None:
                 self._rolling.abandon()
             self._rolling, self._retry_s = None, time.monotonic() + _RETRY_S
-            self._trouble = f"{_why(error)}: nothing is recorded; make room"
+            self._troubles["disk"] = f"{_why(error)}: nothing is recorded; make room"
 
     def _discover(self) -> None:
         with self._disk():
@@ -153,8 +155,9 @@ class FaultNode(Recorder):
             if version != self._version:
                 self._faults, self._version = self._book.faults(self._source), version
         except TwinError as error:
-            self._trouble = f"{_why(error)}; make room"
+            self._troubles["book"] = f"{_why(error)}; make room"
             return
+        self._troubles.pop("book", None)
         now_ns, settings = time.time_ns(), self.settings
         waiting = [fault for fault in self._faults if fault.recording is None]
         oldest_ns = min((fault.raised_ns for fault in waiting), default=now_ns)
@@ -197,9 +200,10 @@ class FaultNode(Recorder):
             return
         if isinstance(self._cut, tuple):
             self._book.set_recording(*self._cut)
-            self._trouble = ""
+            self._troubles.pop("recording", None)
         elif self._cut is not None:
-            self._trouble, self._retry_s = f"{_why(self._cut)}; make room", time.monotonic() + _RETRY_S
+            self._troubles["recording"] = f"{_why(self._cut)}; make room"
+            self._retry_s = time.monotonic() + _RETRY_S
         self._cutter = self._cut = None
 
     def _statuses(self) -> list[Status]:
@@ -210,8 +214,8 @@ class FaultNode(Recorder):
             "not_acknowledged": len(fresh),
             "recordings_to_come": sum(fault.recording is None for fault in self._faults),
         }
-        if self._trouble:
-            return [Status("fault book", ERROR, self._trouble, values, {"disk": self._trouble})]
+        if self._troubles:
+            return [Status("fault book", ERROR, "; ".join(self._troubles.values()), values, dict(self._troubles))]
         if fresh:
             text = f"{len(fresh)} not acknowledged, the latest {fresh[-1].number}: {fresh[-1].text}"
             return [Status("fault book", WARN, text, values)]
