@@ -273,6 +273,21 @@ def test_a_counter_continues_over_its_end(kind: ua.VariantType, counts: list[int
     assert counter_of(values[0].counter_width, 2.0 * np.pi / 4096) is None  # a number of turns
 
 
+@pytest.mark.parametrize("none", [None, datetime(1601, 1, 1), datetime(1601, 1, 1, tzinfo=UTC), datetime(2038, 1, 20)])
+def test_a_time_that_is_none_gives_way_to_the_servers(none: datetime | None) -> None:
+    """OPC UA writes the lack of a time as 0, which is 1601, and a stamp of ROS ends in 2038."""
+    values: list[Value] = []
+    known = Values.__new__(Values)
+    known._takers = {"angle": values.append}
+    served = datetime(2026, 5, 4, 3, 2, 1, 5000)
+    for by_server in (served, none):
+        shown = ua.DataValue(ua.Variant(1.5), SourceTimestamp=none, ServerTimestamp=by_server)
+        change = SimpleNamespace(monitored_item=SimpleNamespace(Value=shown))
+        known.datachange_notification(SimpleNamespace(nodeid="angle"), 1.5, change)
+    expected = int(np.datetime64(served, "ns").astype(np.int64))
+    assert [(value.stamp_ns, value.clock) for value in values] == [(expected, "server"), (None, "")]
+
+
 @pytest.mark.campaign
 def test_a_variable_that_is_not_there(suite: Suite, plc: Plc) -> None:
     program = suite.start(

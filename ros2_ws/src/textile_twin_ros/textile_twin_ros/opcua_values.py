@@ -36,6 +36,8 @@ _NUMPY_NAMES = {"SByte": "int8", "Byte": "uint8", "Float": "float32", "Double": 
 _NUMBERS = ("int8", "uint8", *TYPES)
 _COUNTER_WIDTHS = {"Int16": 1 << 16, "UInt16": 1 << 16, "Int32": 1 << 32, "UInt32": 1 << 32}
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_STAMP_SECONDS = 1 << 31
+"""Seconds since 1970 that a stamp of ROS holds."""
 
 
 @dataclass(frozen=True)
@@ -152,15 +154,14 @@ class Values:
         status = change.StatusCode
         if status is not None and status.value == ua.StatusCodes.BadNodeIdUnknown:
             self.gone = node.nodeid.to_string()
-        stamp, clock = change.SourceTimestamp, "source"
-        if stamp is None:
-            stamp, clock = change.ServerTimestamp, "server"
+        stamp_ns, clock = _stamp_ns(change.SourceTimestamp), "source"
+        if stamp_ns is None:
+            stamp_ns, clock = _stamp_ns(change.ServerTimestamp), "server"
         is_number = isinstance(value, int | float) and not isinstance(value, bool)
         number = float(value) if is_number and (status is None or status.is_good()) else None
         overflow = status is not None and status.value & _OVERFLOW == _OVERFLOW
         width = _COUNTER_WIDTHS.get(change.Value.VariantType.name) if change.Value is not None else None
-        stamp_ns, clock = (None, "") if stamp is None else (_since_epoch_ns(stamp), clock)
-        self._takers[node.nodeid](Value(number, stamp_ns, clock, width, overflow))
+        self._takers[node.nodeid](Value(number, stamp_ns, "" if stamp_ns is None else clock, width, overflow))
 
     async def write(self, node_id: Any, number: float) -> None:
         """Write a number as the type that the variable has, the nearest that it can hold.
@@ -179,7 +180,13 @@ class Values:
         await node.write_value(ua.DataValue(ua.Variant(value, kind)))
 
 
-def _since_epoch_ns(stamp: datetime) -> int:
-    """Nanoseconds since 1970 of a time, which is UTC where it names no zone."""
-    since = (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)) - _EPOCH
-    return ((since.days * 86400 + since.seconds) * 1_000_000 + since.microseconds) * 1000
+def _stamp_ns(moment: datetime | None) -> int | None:
+    """Nanoseconds since 1970 of a time, which is UTC where it names no zone; None where no stamp can hold it.
+
+    OPC UA writes the lack of a time as 0, too, which is the beginning of 1601 (OPC 10000-6, 5.2.2.5).
+    """
+    if moment is None:
+        return None
+    since = (moment if moment.tzinfo else moment.replace(tzinfo=UTC)) - _EPOCH
+    seconds = since.days * 86400 + since.seconds
+    return (seconds * 1_000_000 + since.microseconds) * 1000 if 0 <= seconds < _STAMP_SECONDS else None
