@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from collections import defaultdict
+from collections import Counter, defaultdict, deque
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ from tests.ros.test_opcua import free_port
 from tests.ros.test_opcua_security import Keys, connected
 from tests.ros.test_opcua_security import keys as keys
 from textile_twin_core.recordings.fault_book import FaultBook
-from textile_twin_ros.opcua_server_node import VARIABLES
+from textile_twin_ros.opcua_server_node import VARIABLES, OpcuaServerNode
 
 RATE_HZ, SAMPLES = 100.0, 250
 START_NS = 1_930_000_000 * SECOND_NS
@@ -217,3 +218,35 @@ async def look_at_machinery(outside: Outside) -> None:
     speed = await machine.get_child(ua.QualifiedName("ShaftSpeed", machine.nodeid.NamespaceIndex))
     unit = await (await speed.get_child("0:EngineeringUnits")).read_value()
     assert unit.UnitId == 12865 and await speed.read_type_definition() == ua.NodeId(ua.ObjectIds.AnalogUnitType)
+
+
+def test_clients_are_served_where_values_come_faster_than_they_are_written() -> None:
+    """A server whose writing never waits, and a value that comes with each written one."""
+    node = OpcuaServerNode.__new__(OpcuaServerNode)
+    node._values, node.counts = deque(maxlen=300), Counter(values=0, dropped=0)
+    node._stop, node._last_s = threading.Event(), 0.0
+    node.settings = SimpleNamespace(no_data_timeout_s=0.0)  # type: ignore[assignment]
+    served: list[int] = []
+
+    class Written:
+        async def write_attribute_value(self, _node_id: Any, _value: ua.DataValue) -> None:
+            node._put("ShaftAngle", START_NS, 1.0)
+            assert node.counts["values"] < 10_000, "no client is ever served"
+
+    async def client() -> None:
+        while len(served) < 10:
+            served.append(node.counts["values"])
+            await asyncio.sleep(0.0)
+        node._stop.set()
+
+    async def both() -> None:
+        space = SimpleNamespace(variables={"ShaftAngle": SimpleNamespace(nodeid="angle")})
+        await asyncio.gather(node._feed(Written(), space, None), client())  # type: ignore[arg-type]
+
+    node._put("ShaftAngle", START_NS, 1.0)
+    asyncio.run(both())
+    assert len(served) == 10 and node.counts["dropped"] == 0
+    node._values.clear()
+    for _ in range(301):
+        node._put("ShaftAngle", START_NS, 1.0)
+    assert len(node._values) == 300 and node.counts["dropped"] == 1

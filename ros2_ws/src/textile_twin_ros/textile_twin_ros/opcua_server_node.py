@@ -39,7 +39,7 @@ from textile_twin_core.errors import SceneError, TwinError
 from textile_twin_core.recordings.fault_book import FaultBook
 from textile_twin_ros.diagnostics import ERROR, OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for, samples_qos
-from textile_twin_ros.health import with_findings
+from textile_twin_ros.health import CountWindow, with_findings
 from textile_twin_ros.machine import load_machine
 from textile_twin_ros.messages import JointReader, MessageError, TorqueReader
 from textile_twin_ros.node_runner import EXECUTORS, finish_with, run
@@ -58,6 +58,8 @@ if TYPE_CHECKING:
     from asyncua import Server
 
 _WRITE_S = 0.005
+_MOST_AT_ONCE = 100
+"""Values written until clients are served: writing one does not give way."""
 _LOOK_S = 0.25
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 VARIABLES = {
@@ -113,7 +115,8 @@ class OpcuaServerNode(Node):
         self._book = FaultBook(settings.book, create=True) if settings.book else None
         self._create_server: Callable[[], Server] = asyncua.Server
         self._values: deque[tuple[str, int, float]] = deque(maxlen=10 * depth_for(settings.rate_hz or 1e3))
-        self.counts: Counter[str] = Counter(values=0, unfit=0)
+        self.counts: Counter[str] = Counter(values=0, unfit=0, dropped=0)
+        self._recent = CountWindow()
         self._speed, self._last_s, self._trouble = 0.0, -math.inf, "not started yet"
         self._listen()
         self._diagnostics = DiagnosticsPublisher(self, lambda: settings.url, self._statuses)
@@ -141,7 +144,7 @@ class OpcuaServerNode(Node):
             if thinning.keeps(stamp_ns):
                 for name, value in (("ShaftAngle", angle), ("ShaftSpeed", speed)):
                     if value is not None:
-                        self._values.append((name, stamp_ns, value))
+                        self._put(name, stamp_ns, value)
 
         def take_torque(name: str, reader: TorqueReader, thinning: Thinning, raw: bytes) -> None:
             try:
@@ -150,12 +153,17 @@ class OpcuaServerNode(Node):
                 self.counts["unfit"] += 1
                 return
             if torque is not None and thinning.keeps(stamp_ns):
-                self._values.append((name, stamp_ns, torque))
+                self._put(name, stamp_ns, torque)
 
         self.create_subscription(JointState, "joint_states", take_shaft, qos, raw=True)
         for name, topic in _TORQUES.items():
             take = partial(take_torque, name, TorqueReader(), Thinning(lambda: self.settings.rate_hz))
             self.create_subscription(WrenchStamped, topic, take, qos, raw=True)
+
+    def _put(self, name: str, stamp_ns: int, value: float) -> None:
+        """Queue a value for the server's thread; a full queue drops its oldest one."""
+        self.counts["dropped"] += len(self._values) == self._values.maxlen
+        self._values.append((name, stamp_ns, value))
 
     def _work(self) -> int:
         try:
@@ -189,7 +197,7 @@ class OpcuaServerNode(Node):
         state, looked_s = "NotAvailable", -math.inf
         latest: dict[str, ua.DataValue] = {}
         while not self._stop.is_set():
-            while self._values:
+            for _ in range(min(len(self._values), _MOST_AT_ONCE)):
                 name, stamp_ns, value = self._values.popleft()
                 stamp = _EPOCH + timedelta(microseconds=stamp_ns // 1000)
                 latest[name] = ua.DataValue(ua.Variant(value, ua.VariantType.Double), SourceTimestamp=stamp)
@@ -204,7 +212,7 @@ class OpcuaServerNode(Node):
                         await self._mark_old(server, space, latest)
                 if alarms is not None:
                     await self._show_alarms(alarms)
-            await asyncio.sleep(_WRITE_S)
+            await asyncio.sleep(0.0 if self._values else _WRITE_S)
 
     async def _show_alarms(self, alarms: Alarms) -> None:
         try:
@@ -244,8 +252,14 @@ class OpcuaServerNode(Node):
 
     def _status(self) -> Status:
         values = dict(self.counts) | {"state": self._state()}
+        dropped = self._recent.growth(self.counts)["dropped"]
         if self._trouble:
             return Status("opcua server", ERROR, self._trouble, values)
+        if dropped:
+            text = (
+                f"{dropped:.0f} values dropped in the last seconds: more come than the computer can serve; set rate_hz"
+            )
+            return Status("opcua server", WARN, text, values)
         if not self._security.is_secure:
             return Status("opcua server", WARN, "insecure: allow_insecure is set", values)
         return Status("opcua server", OK, f"{self.counts['values']} values, {self._state()}", values)
