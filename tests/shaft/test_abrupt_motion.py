@@ -170,3 +170,19 @@ def test_a_brake_that_holds_the_shaft_within_a_few_readings(view: str, brake: fl
     rests = states.index >= 500.0 + brake
     assert np.abs(states.omega_rad_s[rests]).max() < 60.0
     assert np.abs(states.omega_rad_s[rests][5:]).max() < (10.0 if view == "causal" else 1.0)
+
+
+def test_few_coarse_readings_of_a_motion_in_steps_lead_nowhere_far() -> None:
+    """Up to 21 readings a turn of 17 counts, starts and stops within a reading: one angle was 72 000 rad off.
+
+    A ripple from so few readings may fold the clock back, so the angle is sought near the reading.
+    """
+    rng, step = np.random.default_rng(4), TURN / 17.0
+    for _ in range(300):
+        moves = rng.choice([0.0, 0.3, 0.55, -0.55, 0.45], 12).repeat(rng.integers(1, 12, 12))[:60]
+        theta = np.cumsum(np.append(moves, np.zeros(12)))
+        time, angle = np.arange(theta.size) * 0.041, np.round(theta / step) * step
+        states = create_estimator("causal", wrapping="unwrapped").step(time, angle)
+        off = np.abs(states.theta_rad - theta[states.index])
+        assert off.max() < 20.0
+        assert off[states.settled].max(initial=0.0) < TURN / 2.0

@@ -316,7 +316,7 @@ def _reset_adaptation(status: FilterStatus) -> None:
     model_bank.reset_models(status.bank)
     orders.sums[:] = 0.0
     orders.average_weight = orders.reading_variance = orders.sensor_power = orders.high_orders = 0.0
-    orders.tail_observed = orders.tail_expected = status.track.fastest = 0.0
+    status.track.fastest = 0.0
     status.sampling.move *= 1.0 + 0.5 * (repeats.longest + repeats.before_move)
     measurement_noise.begin_jitter(status.noise, status.sampling.interval)
 

@@ -23,6 +23,7 @@ from textile_twin_core.shaft.constants import (
     HELD_EVERY,
     HELD_PARTS,
     INDEPENDENT,
+    LEAST_JITTER,
     LEAST_LED,
     LEAST_LEFT,
     LESS_NOISE,
@@ -43,6 +44,7 @@ from textile_twin_core.shaft.constants import (
 from textile_twin_core.shaft.estimator import PIECE, Part, ShaftEstimator, joined, states_of
 from textile_twin_core.shaft.filter import Block
 from textile_twin_core.shaft.measurement_noise import measurement_variance
+from textile_twin_core.shaft.omitted_orders import add_omitted
 from textile_twin_core.shaft.residual_orders import set_sensor_power
 from textile_twin_core.shaft.rts_smoother import new_smoother, smooth_model
 from textile_twin_core.shaft.states import ShaftStates
@@ -147,7 +149,7 @@ class SmoothEstimator(ShaftEstimator):
         for stretch in stretches:
             self._choose_first_memories(stretch[: 2 * CONVERGENCE + 1])
         wheel = self._wheel
-        self._noise_factor = 1.0
+        self._lowered = False  # whether a part of the record has less noise than the filter stated
         passes = PITCH_PASSES if wheel is not None and wheel.learning and rows.size else 0
         for done in range(passes + 1):
             for stretch in stretches:
@@ -157,7 +159,9 @@ class SmoothEstimator(ShaftEstimator):
                 self._learn_wheel(wheel, rows, done == 0)
         weight = np.array(FIRST_WEIGHT)
         scale_covariances(weight, rows)
-        adopt_weight(self._status, self._noise_factor * weight)
+        if self._lowered:
+            _set_jitter(self._status["noise"], rows)
+        adopt_weight(self._status, weight)
 
     def _choose_first_memories(self, rows: Records) -> None:
         """Set memories of the first half of rows to the second half's shortest, unless the bank's are much likelier."""
@@ -218,9 +222,13 @@ class SmoothEstimator(ShaftEstimator):
             if len(part) >= FEWEST_ROWS:
                 smoother = new_smoother(self._settings, len(part))
                 smoother.bank["filters"]["scale"][0, layout.SMOOTHER] = unit or 1.0
+                written = rows[max(first, begin + 1) : end]
+                written["systematic"] = 0.0
                 smooth_model(smoother, status["bank"][0], model, part, max(first - begin, 1), end - begin - 1)
+                if last:
+                    add_omitted(written, status, model)
             if unit > 0.0:
-                self._noise_factor = LESS_NOISE * unit
+                self._lowered = True
                 rows["noise"][first:end] *= unit
 
     def _unit_of_less_noise(self, rows: Records, status: Records, model: int) -> float:
@@ -279,6 +287,15 @@ def _lower_noise(rows: Records) -> None:
     rows["gate_noise"] = rows["noise"]
     for field in ("noise", "unit"):
         rows[field] *= LESS_NOISE
+
+
+def _set_jitter(noise: Records, rows: Records) -> None:
+    """Set the estimated jitter to the median of all readings of the moving shaft, beyond rounding."""
+    moving = rows[(rows["noise"] > 0.0) & (np.abs(rows["speed"]) * rows["step"] > 3.0 * np.sqrt(rows["noise"]))]
+    if len(moving) and noise["jitter_configured"][0] == 0.0:
+        rounding = moving["correlated"] * noise["resolution"][0] ** 2 / 12.0
+        excess = np.maximum(moving["noise"] - rounding, LEAST_JITTER * moving["noise"])
+        noise["jitter"] = np.median(excess / moving["speed"] ** 2)
 
 
 def _ripple(status: Records) -> tuple[FloatArray, float, float]:

@@ -202,7 +202,9 @@ def combine(bank: Bank, track: Mixture, row: FilterRow) -> None:
     f, covariance = models.leading, row.covariance
     m = models.best[f]
     # Moments about the best filter's state: their differences do not cancel.
-    about, speed, acceleration = shaft_state(bank, f, m, filters.clock[:, m], track.angle)
+    # The search for its angle starts at a reading that it follows: far away the ripple leads elsewhere.
+    near = row.reading if row.noise > 0.0 else track.angle
+    about, speed, acceleration = shaft_state(bank, f, m, filters.clock[:, m], near)
     total = by_angle = by_speed = by_acceleration = 0.0
     covariance[:] = 0.0
     for f in range(layout.MODELS):

@@ -12,8 +12,6 @@ from textile_twin_core.shaft import layout
 from textile_twin_core.shaft.clock import set_basis_at
 from textile_twin_core.shaft.constants import (
     ABOVE_SENSOR,
-    CHANCE,
-    ENDED,
     FALL,
     FALLING,
     FEWEST_ORDERS,
@@ -23,14 +21,15 @@ from textile_twin_core.shaft.constants import (
     KEEP_ORDER,
     LOG_MEAN,
     LOG_SIGMA,
+    OMITTED,
     ORDERS,
     RESOLVED_SHARE,
+    RIPPLE_SIZE,
     ROBUST,
     SCALE_SAMPLES,
     SECOND_ORDER_EVERY,
-    SIGNIFICANT,
+    SIMPLER_EVIDENCE,
     TAIL_ORDERS,
-    TAIL_SAMPLES,
 )
 from textile_twin_core.shaft.filter_bank import set_shaft_second
 from textile_twin_core.shaft.model_bank import samples_a_turn
@@ -63,7 +62,7 @@ def average_orders(bank: Bank, orders: Orders, sampling: Sampling, angle: float,
         _detect_high_orders(bank, orders, sampling)
         for f in range(layout.MODELS):
             if models.active[f] > 0.0:
-                _part_orders(bank, orders, sampling, f, unfollowed)
+                _part_observed_orders(bank, orders, sampling, f, unfollowed)
 
 
 @compiled_in_place
@@ -72,7 +71,7 @@ def set_sensor_power(status: FilterStatus, power: float) -> None:
     bank, orders, sampling = status.bank, status.orders, status.sampling
     orders.sensor_power = power
     for f in range(1, layout.MODELS if orders.average_weight > 0.0 else 1):
-        _part_orders(bank, orders, sampling, f, 1.0)
+        _part_observed_orders(bank, orders, sampling, f, 1.0)
         set_shaft_second(bank.models, f)
 
 
@@ -160,49 +159,75 @@ def _set_sensor_power(bank: Bank, orders: Orders, sampling: Sampling) -> None:
 
 
 @compiled_in_place
-def _part_orders(bank: Bank, orders: Orders, sampling: Sampling, f: int, unfollowed: float) -> None:
-    """Set the sensor's part of each order of a model's ripple (Wiener), and the variances of the uncertain part."""
-    motion = 0.0
-    bank.models.uncertain_power[f, :] = 0.0
-    for k in range(bank.models.waves[f]):
+def part_orders(bank: Bank, orders: Orders, f: int) -> tuple[float, float, float]:
+    """Set the sensor's part of each order of a model's ripple (Wiener), and the variances by its uncertain orders.
+
+    Returns the powers that the last three orders predict for the next one.
+    """
+    models, motion, last = bank.models, 0.0, (0.0, 0.0, 0.0)
+    models.uncertain_power[f, :] = 0.0
+    for k in range(models.waves[f]):
         own, power = _own_power(bank, orders, k), _power(bank, orders, f, k)
         motion *= FALL[k]
         if power > own * ABOVE_SENSOR:
             motion = max(power - own, motion)
         part = own / (motion + own) if own > 0.0 else 0.0
-        bank.models.sensor_ripple[f, 2 * k] = part * bank.filters.ripple[2 * k, bank.models.best[f]]
-        bank.models.sensor_ripple[f, 2 * k + 1] = part * bank.filters.ripple[2 * k + 1, bank.models.best[f]]
+        models.sensor_ripple[f, 2 * k] = part * bank.filters.ripple[2 * k, models.best[f]]
+        models.sensor_ripple[f, 2 * k + 1] = part * bank.filters.ripple[2 * k + 1, models.best[f]]
         _add_uncertain_order(bank, f, k, part * motion)
-    _add_uncertain_higher_orders(bank, orders, sampling, f, motion, unfollowed)
+        last = _shifted(last, motion if own > 0.0 else power, k)
+    return last
 
 
 @compiled_in_place
-def _add_uncertain_higher_orders(
-    bank: Bank, orders: Orders, sampling: Sampling, f: int, motion: float, unfollowed: float
-) -> None:
-    """Add the motion of orders beyond the model to the uncertain variances, as far as the filter does not follow it.
+def _shifted(last: tuple[float, float, float], found: float, k: int) -> tuple[float, float, float]:
+    """Append the power of order `k` to those of the three orders before, each as it predicts the next order's."""
+    return FALL[k + 1] * last[1], FALL[k + 1] * last[2], FALL[k + 1] * found
 
-    A significant order counts with its observed power. Otherwise the highest modelled orders predict it: by `motion`
-    where they are partly the sensor's, else by their tail times its recently observed part. `unfollowed` is the part of
-    the motion that the filter does not follow.
+
+@compiled_in_place
+def add_omitted_orders(
+    bank: Bank, orders: Orders, f: int, top: int, last: tuple[float, float, float],
+    white: float, bandwidth: float, unfollowed: float,
+) -> None:  # fmt: skip
+    """Add the orders from those of model `f` on to its uncertain variances, as far as the readings do not exclude them.
+
+    `orders.found` are squared amplitudes in residuals up to the order `top`, `white` their mean without motion. The
+    power of motion falls at least as that of a torque with steps, and ends at some order: the evidence of each end
+    gives the probability that an order exists (Bayes). A significant order exists by itself, as of gears. `last`: see
+    `part_orders`. Orders below `bandwidth` are followed without a model; the part `unfollowed` of the others is not.
     """
-    white, fall, share, observed, expected = _white_power(orders), 1.0, 1.0, 0.0, 0.0
-    if orders.sensor_power == 0.0:
-        motion, fall = _tail(bank, orders, f)
-        share = (1.0 + orders.tail_observed) / (1.0 + orders.tail_expected)
-        share = min(share, 1.0) if share > ENDED else 0.0
-    resolved = 0.5 if sampling.edges > 0.0 else RESOLVED_SHARE
-    for k in range(bank.models.waves[f], _top(bank, sampling, resolved, _averaged_orders(bank.models, f))):
-        own, power = _own_power(bank, orders, k), _power(bank, orders, f, k)
-        motion *= FALL[k] * fall
-        observed += motion * (min(power, motion + CHANCE * white) - white) / white**2
-        expected += (motion / white) ** 2
-        least = max(own * ABOVE_SENSOR, SIGNIFICANT * white)
-        _add_uncertain_order(bank, f, k, unfollowed * (power - own if power > least else min(share * motion, power)))
-    if f == bank.models.leading and orders.sensor_power == 0.0:
-        gain, keep = SECOND_ORDER_EVERY / SCALE_SAMPLES, 1.0 - SECOND_ORDER_EVERY / TAIL_SAMPLES
-        orders.tail_observed = keep * orders.tail_observed + gain * observed
-        orders.tail_expected = keep * orders.tail_expected + gain * expected
+    models, lowest, waves, level, before = bank.models, bank.wave.lowest, bank.models.waves[f], math.inf, 1.0
+    evidence, largest = 0.0, SIMPLER_EVIDENCE
+    for k in range(waves, top):
+        omitted, noise = 1.0 / (1.0 + (bandwidth / (lowest * (k + 1.0))) ** 6), white + _own_power(bank, orders, k)
+        orders.expected[k], level = 0.0, level * FALL[k] if k > 0 else level
+        if omitted >= OMITTED:
+            if k > 0 and before >= OMITTED:
+                level = min(level, (last[0] + last[1] + last[2]) / min(k, TAIL_ORDERS))
+            prior = min(level, 2.0 * (RIPPLE_SIZE / (lowest * (k + 1.0))) ** 2) * omitted**2
+            share = prior / (prior + noise)
+            if orders.found[k] > HIGH_SIGNIFICANT * noise:
+                _add_uncertain_order(bank, f, k, unfollowed * (orders.found[k] - noise))
+            else:
+                orders.expected[k] = share * noise + share**2 * orders.found[k]
+            evidence += math.log1p(-share) + share * orders.found[k] / noise
+        last = _shifted(last, orders.found[k], k)
+        orders.evidence[k], before, largest = evidence, omitted, max(largest, evidence)
+    total = math.exp(SIMPLER_EVIDENCE - largest)
+    exists = 0.0
+    for k in range(waves, top):
+        orders.evidence[k] = math.exp(orders.evidence[k] - largest)
+        exists += orders.evidence[k]
+    total += exists
+    for k in range(waves, top):
+        _add_uncertain_order(bank, f, k, unfollowed * exists / total * orders.expected[k])
+        if k == top - 1 and level < math.inf:  # sums of order^-6, order^-4 and order^-2 beyond
+            end, power = k + 1.5, 0.5 * unfollowed * exists / total * level * (k + 1.0) ** 6
+            models.uncertain_power[f, 0] += power / (5.0 * end**5)
+            models.uncertain_power[f, 1] += power * lowest**2 / (3.0 * end**3)
+            models.uncertain_power[f, 2] += power * lowest**4 / end
+        exists -= orders.evidence[k]
 
 
 @compiled_in_place
@@ -215,26 +240,20 @@ def _add_uncertain_order(bank: Bank, f: int, k: int, power: float) -> None:
 
 
 @compiled_in_place
-def _tail(bank: Bank, orders: Orders, f: int) -> tuple[float, float]:
-    """Predict the orders beyond the model: power of the next, and fall from each to the next beyond FALL.
+def _part_observed_orders(bank: Bank, orders: Orders, sampling: Sampling, f: int, unfollowed: float) -> None:
+    """Set a model's uncertain orders, of the leading one with those in the averaged innovations."""
+    last = part_orders(bank, orders, f)
+    if f == bank.models.leading:
+        top = _top(bank, sampling, resolved_share(sampling.edges), _averaged_orders(bank.models, f))
+        for k in range(bank.models.waves[f], top):
+            orders.found[k] = _power(bank, orders, f, k)
+        add_omitted_orders(bank, orders, f, top, last, _white_power(orders), 0.0, unfollowed)
 
-    The power is 0 where the highest modelled orders are insignificant, as the ripple ends before them. The fall is that
-    between the highest orders and those before.
-    """
-    last, m, power, before, variance = bank.models.waves[f], bank.models.best[f], 0.0, 0.0, 0.0
-    if last < 2 * TAIL_ORDERS:
-        return 0.0, 0.0
-    for k in range(last - 2 * TAIL_ORDERS, last):
-        weight = ((k + 1.0) / last) ** 6 / TAIL_ORDERS
-        if k < last - TAIL_ORDERS:
-            before += weight * _power(bank, orders, f, k)
-            continue
-        power += weight * _power(bank, orders, f, k)
-        for i in range(2 * k, 2 * k + 2):
-            for j in range(i + 1):
-                variance += weight * bank.filters.scale[m] * bank.filters.factor[j, i, m] ** 2
-    fall = min((power / before) ** (1.0 / TAIL_ORDERS), 1.0) if before > 0.0 else 1.0
-    return (power - variance) * fall if power > SIGNIFICANT * variance else 0.0, fall
+
+@compiled_in_place
+def resolved_share(edges: float) -> float:
+    """Return the part of the readings per turn up to which orders differ from their aliases."""
+    return 0.5 if edges > 0.0 else RESOLVED_SHARE
 
 
 @compiled_in_place

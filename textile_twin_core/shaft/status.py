@@ -118,11 +118,12 @@ class Orders:
     """Orders of the turn in the residuals, see `residual_orders`."""
 
     sums: Annotated[FloatArray, (2 * _WIDTH,)]  # Fourier coefficients of the residuals
+    found: Annotated[FloatArray, (_WIDTH,)]  # squared amplitude of each order ..
+    expected: Annotated[FloatArray, (_WIDTH,)]  # .. power of those beyond the model ..
+    evidence: Annotated[FloatArray, (_WIDTH,)]  # .. and logarithm of that of an end of the ripple there
     averaged_model: float  # recent leading model ..
     averaged_since: float  # .. and `used` when it began to lead
     average_weight: float
-    tail_observed: float  # power beyond the modelled orders ..
-    tail_expected: float  # .. and that predicted by the highest ones
     high_orders: float  # part of the time with orders above USUAL_WAVES
     reading_variance: float  # mean
     sensor_power: float  # of the sensor's errors in each order
