@@ -108,7 +108,7 @@ def commands(arguments: Sequence[str]) -> list[list[str]]:
     """Return the programs to start, the twin first."""
     parser = argparse.ArgumentParser(
         PROGRAM,
-        usage=f"launch_scripts/{PROGRAM} [MACHINE] [--shaft simulated] [--no-torque] [ROS ARGUMENTS ...]",
+        usage=f"launch_scripts/{PROGRAM} [MACHINE] [--shaft simulated] [--no-torque] [--no-view] [ROS ARGUMENTS ...]",
         description=DESCRIPTION,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
@@ -118,6 +118,7 @@ def commands(arguments: Sequence[str]) -> list[list[str]]:
         "--shaft", choices=("machine", "simulated"), default="machine", help="simulated: a dry run without a machine"
     )
     parser.add_argument("--no-torque", action="store_true", help="the machine has no torque sensor: no alarms")
+    parser.add_argument("--no-view", action="store_true", help="serve no live view, which takes a sixth of a core")
     options, words = parser.parse_known_args(arguments)
     machine = words.pop(0) if words and not words[0].startswith("-") else "tufting"
     loaded = load_machine(machine)  # a mistake ends the script here, before anything runs or is recorded
@@ -126,7 +127,7 @@ def commands(arguments: Sequence[str]) -> list[list[str]]:
     nodes = [
         *NODES,
         *(WATCH if watched else ()),
-        "view_node",
+        *(() if options.no_view else ("view_node",)),
         *simulated,
     ]  # after a power cut alarms come before pictures
     told = Arguments(nodes, words)

@@ -59,6 +59,7 @@ def test_alarms_and_what_was_learnt_have_one_book(suite: ModuleType) -> None:
 def test_a_machine_without_a_torque_has_no_monitor(suite: ModuleType) -> None:
     for words in (["elliptic_gear_beatup"], ["needle_transfer"], ["tufting", "--no-torque"]):
         assert list(arguments_of(suite, *words)) == ["twin_node", "record_node", "view_node"]
+        assert list(arguments_of(suite, *words, "--no-view")) == ["twin_node", "record_node"]
 
 
 def test_a_parameter_goes_to_those_that_have_it(suite: ModuleType) -> None:
