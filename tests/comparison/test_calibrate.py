@@ -20,6 +20,8 @@ from tests.generators.multibody import Floats
 from tests.generators.planned_motion import Plan
 from tests.generators.shaft_law import LOOM_FILE
 from textile_twin_core.comparison import Calibration, Readings, assess, calibrate
+from textile_twin_core.comparison.causes import Cause
+from textile_twin_core.comparison.identification import check_sensors
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.recordings import open_bag
 
@@ -215,6 +217,19 @@ def test_an_offset_is_no_finer_than_the_steps_of_the_sensor(offset_Nm: float) ->
     )
     assert abs(found.offset_Nm.value - offset_Nm) < 2.5 * found.offset_Nm.sigma
     assert found.offset_Nm.sigma < 0.05
+
+
+def test_identify_sends_to_calibrate_only_where_calibrate_writes_sensors() -> None:
+    """Otherwise two commands would each ask for the other."""
+    case = healthy("tufting", 977, duration_s=12.0)
+    made, machine = record(case), configured_machine(case)
+    judged = assess(Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque), machine)
+    sign = Cause("torque_sign", "the torque has the other sign", -1.0)
+    foreign = Cause("other_machine", "not this machine: 40 % of the torque stays unexplained", 0.4)
+    with pytest.raises(RecordingError, match="other sign: settle it first with textile-twin calibrate"):
+        check_sensors(replace(judged, verdict=(sign,)), machine)
+    with pytest.raises(RecordingError, match="other sign: calibrate cannot settle it here: not this machine: 40 %"):
+        check_sensors(replace(judged, verdict=(sign, foreign)), machine)
 
 
 @pytest.mark.campaign

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from textile_twin_core.comparison.assessment import Assessment, assess, hypothesis_of
-from textile_twin_core.comparison.causes import NOT_THIS_MACHINE
+from textile_twin_core.comparison.causes import NOT_THIS_MACHINE, WRONG_FIRST
 from textile_twin_core.comparison.judged import Judged
 from textile_twin_core.comparison.readings import Readings
 from textile_twin_core.comparison.result import plain
@@ -116,6 +116,49 @@ class Calibration:
         return out
 
 
+def _fit_of(found: Judged, machine: Machine) -> tuple[frozenset[str], float, float, float]:
+    """Return the parameters to write, and the RMS error as configured, with these alone, and with all estimates."""
+    chain = frozenset(found.posterior.measurement.departing_chain(found.posterior.departing))
+    written = chain.union(_CONTINUOUS)
+    before, after, beside = _rms(found, hypothesis_of(machine)), _rms(found, None, written), _rms(found, None)
+    if not after <= before:  # estimates within their intervals fit beside friction and loads that the file has not
+        written = chain | found.posterior.departing.intersection(_CONTINUOUS)
+        after = _rms(found, None, written)
+    return written, before, after, beside
+
+
+def calibration_refusal(assessment: Assessment, machine: Machine) -> str:
+    """Say why `calibrate` writes no sensors from a record that determines some; empty where it does."""
+    found = assessment.found
+    assert found is not None
+    short = found.unexplained > NOT_THIS_MACHINE
+    reasons = ("other_machine", "stamps_in_bursts") if short else ("other_machine",)
+    foreign = [c.text for c in assessment.verdict if c.cause in reasons]
+    if foreign:
+        return foreign[0]
+    _, before, after, _ = _fit_of(found, machine)
+    s, configured, hypothesis = found.settings, hypothesis_of(machine), found.posterior.hypothesis
+    mirrored = hypothesis.turn * configured.turn < 0.0 or s.gain * configured.gain < 0.0
+    if (mirrored or found.ratio != 1.0) and after > _MOST_LEFT * before:
+        return (
+            f"another direction, sign or ratio takes its RMS error from {before:.3g} to {after:.3g} N m only, so the"
+            " fault lies elsewhere; correct by hand in the machine file what compare names first, or what you know to"
+            " be wrong"
+        )
+    if after > _NO_WORSE * before:
+        found_first = any(cause.cause in WRONG_FIRST for cause in assessment.verdict)
+        return (
+            "without the friction and loads that the file lacks, corrected sensors take its RMS error from"
+            f" {before:.3g} to {after:.3g} N m; "
+            + (
+                "correct by hand in the machine file what compare names first"
+                if found_first
+                else "write these first with textile-twin identify --out"
+            )
+        )
+    return ""
+
+
 def calibrate(readings: Readings, machine: Machine, begin: Begin = unheard) -> Calibration:
     """Estimate direction, ratio and zero of the encoder, and sign, unit, gain, offset and delay of the torque sensor.
 
@@ -149,34 +192,14 @@ def calibrate(readings: Readings, machine: Machine, begin: Begin = unheard) -> C
     found = assessment.found
     if found is None:
         raise RecordingError("; ".join(assessment.notes))
-    short = found.unexplained > NOT_THIS_MACHINE
-    reasons = ("other_machine", "stamps_in_bursts") if short else ("other_machine",)
-    foreign = [c.text for c in assessment.verdict if c.cause in reasons]
-    if foreign:
-        raise RecordingError(f"no calibration from this recording: {foreign[0]}")
+    written, before, after, beside = _fit_of(found, machine)
+    if refusal := calibration_refusal(assessment, machine):
+        raise RecordingError(f"no calibration from this recording: {refusal}")
     s = found.settings
-    configured, hypothesis = hypothesis_of(machine), found.posterior.hypothesis
+    hypothesis = found.posterior.hypothesis
     turned = s.direction * machine.sensors.encoder.ratio * found.ratio
     m = found.posterior.measurement
     chain = frozenset(m.departing_chain(found.posterior.departing))
-    written = chain.union(_CONTINUOUS)
-    before, after, beside = _rms(found, configured), _rms(found, None, written), _rms(found, None)
-    if not after <= before:  # estimates within their intervals fit beside friction and loads that the file has not
-        written = chain | found.posterior.departing.intersection(_CONTINUOUS)
-        after = _rms(found, None, written)
-    mirrored = hypothesis.turn * configured.turn < 0.0 or s.gain * configured.gain < 0.0
-    if (mirrored or found.ratio != 1.0) and after > _MOST_LEFT * before:
-        raise RecordingError(
-            f"no calibration from this recording: another direction, sign or ratio takes its RMS error from"
-            f" {before:.3g} to {after:.3g} N m only, so the fault lies elsewhere; correct by hand in the machine file"
-            " what compare names first, or what you know to be wrong"
-        )
-    if after > _NO_WORSE * before:
-        raise RecordingError(
-            f"no calibration from this recording: without the friction and loads that the file lacks, corrected sensors"
-            f" take its RMS error from {before:.3g} to {after:.3g} N m; write these first with textile-twin identify"
-            " --out"
-        )
     gain_now = s.gain if GAIN in written else hypothesis.gain
     near = nearest_gain(gain_now, 1.0)
     zero = _estimate(found, ZERO, hypothesis.zero_rad, written=written).scaled(1.0 / turned)

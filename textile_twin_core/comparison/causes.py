@@ -35,6 +35,8 @@ from textile_twin_core.inference.torque_units import nearest_gain
 
 FEWEST_ANGLES = 16.0
 """Fewest angle samples a turn that resolve the orders with torque."""
+WRONG_FIRST = ("encoder_direction", "encoder_ratio", "angle_unit", "angle_rate", "torque_sign", "torque_unit")
+"""Causes to settle before anything else can be identified."""
 NOT_THIS_MACHINE = 0.05
 """Share of the torque, unexplained by this machine, that another machine must be able to explain."""
 _NOTHING_ELSE = 0.25

@@ -11,7 +11,7 @@ import numpy as np
 from textile_twin_core.comparison.assessment import assess, hypothesis_of, record_of
 from textile_twin_core.comparison.force_law import key_of, notes_of, with_law
 from textile_twin_core.comparison.identifiable import NotIdentifiable
-from textile_twin_core.comparison.identification import WRONG_FIRST, Identification
+from textile_twin_core.comparison.identification import Identification, check_sensors
 from textile_twin_core.comparison.identified_machine import ALWAYS
 from textile_twin_core.comparison.judged import Judged
 from textile_twin_core.comparison.readings import Readings
@@ -74,9 +74,7 @@ def identify_curve(readings: Readings, machine: Machine, name: str, begin: Begin
     found = assessment.found
     if found is None:
         raise RecordingError("; ".join(assessment.notes))
-    for cause in assessment.verdict:
-        if cause.cause in WRONG_FIRST:
-            raise RecordingError(f"{cause.text}: settle the sensors first with textile-twin calibrate")
+    check_sensors(assessment, machine)
     begin("learning", _LEARNED)
     if assessment.law is None or assessment.law.curve.name != place.name:
         law = learn_curve(found.posterior, rest, place)

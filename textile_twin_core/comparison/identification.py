@@ -11,7 +11,9 @@ from typing import Any
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.comparison.assessment import assess, hypothesis_of, record_of
+from textile_twin_core.comparison.assessment import Assessment, assess, hypothesis_of, record_of
+from textile_twin_core.comparison.calibration import calibration_refusal
+from textile_twin_core.comparison.causes import WRONG_FIRST
 from textile_twin_core.comparison.event_angle import EventAngle, event_angle
 from textile_twin_core.comparison.identifiable import NotIdentifiable, identifiable
 from textile_twin_core.comparison.identified_machine import Candidates
@@ -44,7 +46,6 @@ from textile_twin_core.machine import Machine
 
 _GIVEN_UP_FIRST = (OFFSET, ZERO, GAIN, VISCOUS, ROTOR, "loads.backing.free_force_N", DELAY)
 """The order in which parameters with indistinguishable effects are dropped."""
-WRONG_FIRST = ("encoder_direction", "encoder_ratio", "angle_unit", "angle_rate", "torque_sign", "torque_unit")
 _ALL_SAMPLES = 40_000
 _LEFT_BY_LOADS = 0.15
 """Share of the torque's variance that a force or an angle still to be identified may leave unexplained."""
@@ -246,12 +247,22 @@ def _settled(readings: Readings, machine: Machine) -> tuple[Judged, tuple[str, .
     found = assessment.found
     if found is None:
         raise RecordingError("; ".join(assessment.notes))
+    check_sensors(assessment, machine)
     for cause in assessment.verdict:
-        if cause.cause in WRONG_FIRST:
-            raise RecordingError(f"{cause.text}: settle the sensors first with textile-twin calibrate")
         if cause.cause == "other_machine" and found.unexplained > _LEFT_BY_LOADS:
             raise RecordingError(f"nothing to identify: {cause.text}")
     return found, assessment.notes
+
+
+def check_sensors(assessment: Assessment, machine: Machine) -> None:
+    """Raise RecordingError where direction, ratio, unit or sign of a sensor is wrong, with the way to settle it."""
+    wrong = [cause.text for cause in assessment.verdict if cause.cause in WRONG_FIRST]
+    if wrong:
+        refusal = calibration_refusal(assessment, machine)
+        way = (
+            f"calibrate cannot settle it here: {refusal}" if refusal else "settle it first with textile-twin calibrate"
+        )
+        raise RecordingError(f"{wrong[0]}: {way}")
 
 
 def _identifiable(
