@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
+from matplotlib.text import Text
 from PIL import Image
 
 import textile_twin_core as ttc
 from tests.views.conftest import Run, rows_of
 from textile_twin_core.comparison import compare_torque
-from textile_twin_core.views import plot_machine, write_comparison_recording
+from textile_twin_core.views import paper, plot_machine, write_comparison_recording
 from textile_twin_core.views.measure_curves import marks_for, phase_rows_for
 from textile_twin_core.views.plot_linkage import clearest_angle, draw_linkage
 from textile_twin_core.views.recording import limit_of
@@ -86,3 +89,20 @@ def test_the_picture_is_drawn_at_the_angle_asked_for(tmp_path: Path) -> None:
         with Image.open(tmp_path / "picture.png") as picture:
             pictures.append(np.asarray(picture.convert("RGB")))
     assert all(np.any(pictures[k] != pictures[k - 1]) for k in range(3))
+
+
+@pytest.mark.parametrize("needle_bar_m", [0.44, 2.0])
+def test_the_caption_of_a_linkage_does_not_overprint_the_description(
+    needle_bar_m: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A machine much taller than wide fills the height of the picture."""
+    figures = list[Figure]()
+    monkeypatch.setattr(paper, "save_png", lambda figure, path: figures.append(figure) or path)
+    machine = replace(ttc.machines.tufting(l6_m=needle_bar_m), description="needle bar and its drive " * 4)
+    plot_machine(tmp_path / "picture.png", machine)
+    (figure,) = figures
+    figure.draw_without_rendering()
+    drawn = [each for each in figure.axes[0].get_children() if isinstance(each, Text) and each.get_text()]
+    caption = next(each for each in drawn if each.get_text().startswith("Linkage at"))
+    for other in (*figure.texts, *(each for each in drawn if each is not caption)):
+        assert not caption.get_window_extent().overlaps(other.get_window_extent()), other.get_text()

@@ -8,12 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from textile_twin_core.arrays import BoolArray, FloatArray
+from textile_twin_core.arrays import FloatArray
 from textile_twin_core.machine import Machine
 from textile_twin_core.mechanism import EllipticGearPair
 
-_EVERY = 4
-"""Step between the checked samples."""
 _TOUCH = 1e-9
 """Sine of the angle below which the end of a link lies on the other link, such as a crank pin in a slot."""
 
@@ -34,7 +32,7 @@ def clashes(
     """Find pairs of links, other than gears, that share no joint or slot and cross, with their widest range of
     crossing.
     """
-    places = {name: (x + 1j * y)[::_EVERY] for name, (x, y) in points.items()}
+    places = {name: x + 1j * y for name, (x, y) in points.items()}
     gears = {name for g in machine.groups if isinstance(g, EllipticGearPair) for name in (g.driver, g.driven)}
     links = [link for link in machine.links if link.name not in gears]
     slotted = [{joint.parent_link, joint.child_link} for joint in machine.joints if joint.kind == "prismatic"]
@@ -43,31 +41,42 @@ def clashes(
         for b in links[i + 1 :]:
             if {a.start, a.end} & {b.start, b.end} or {a.name, b.name} in slotted:
                 continue
-            crossed = _cross(places[a.start], places[a.end], places[b.start], places[b.end])
-            if crossed.any():
-                begin, end = _widest(crossed, theta[::_EVERY])
+            margin = _margin(places[a.start], places[a.end], places[b.start], places[b.end])
+            if np.any(margin > 0.0):
+                begin, end = _widest(margin, theta)
                 found.append(Clash(a.name, b.name, begin, end))
     return tuple(found)
 
 
-def _cross(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> BoolArray:
-    """Return (n,) true where the segments a-b and c-d cross."""
+def _margin(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> FloatArray:
+    """Return (n,) positive values where the segments a-b and c-d cross."""
 
     def side(p: FloatArray, q: FloatArray, r: FloatArray) -> FloatArray:
         along, to = q - p, r - p
-        found = np.asarray((np.conj(along) * to).imag)
-        return np.where(np.abs(found) > _TOUCH * np.abs(along) * np.abs(to), found, 0.0)
+        size = np.abs(along) * np.abs(to)
+        found = np.asarray((np.conj(along) * to).imag) / np.where(size > 0.0, size, 1.0)
+        return np.where(np.abs(found) > _TOUCH, found, 0.0)
 
-    return np.asarray((side(a, b, c) * side(a, b, d) < 0.0) & (side(c, d, a) * side(c, d, b) < 0.0))
+    return np.minimum(-side(a, b, c) * side(a, b, d), -side(c, d, a) * side(c, d, b))
 
 
-def _widest(crossed: BoolArray, theta: FloatArray) -> tuple[float, float]:
+def _widest(margin: FloatArray, theta: FloatArray) -> tuple[float, float]:
+    """Return the widest range of positive margins, with its ends interpolated between the samples."""
+    crossed = margin > 0.0
     if crossed.all():
         return 0.0, 2.0 * math.pi
     start = int(np.argmin(crossed))  # a sample at which they do not cross
-    turned = np.roll(crossed, -start)
-    edges = np.flatnonzero(np.diff(turned.astype(int), prepend=0, append=0))
+    edges = np.flatnonzero(np.diff(np.roll(crossed, -start).astype(int), prepend=0, append=0))
     begins, ends = edges[::2], edges[1::2]
     k = int(np.argmax(ends - begins))
-    size = theta.size
-    return float(theta[(start + begins[k]) % size]), float(theta[(start + ends[k] - 1) % size])
+
+    def zero(inside: int, outside: int) -> float:
+        """Angle of zero margin between two samples; that inside where the other is across an end of the range."""
+        inside, outside = (start + inside) % theta.size, (start + outside) % theta.size
+        step = math.remainder(float(theta[outside] - theta[inside]), 2.0 * math.pi)
+        if abs(step) > 1.5 * abs(float(theta[1] - theta[0])):
+            return float(theta[inside])
+        return float(theta[inside]) + step * float(margin[inside] / (margin[inside] - margin[outside]))
+
+    begin, end = zero(begins[k], begins[k] - 1), zero(ends[k] - 1, ends[k])
+    return begin % (2.0 * math.pi), end % (2.0 * math.pi)

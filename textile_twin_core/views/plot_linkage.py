@@ -64,7 +64,7 @@ def draw_linkage(axes: Axes, scene: MachineScene, machine: Machine, theta_rad: f
     axes.set_aspect("equal")
     axes.set_axis_off()
     axes.margins(0.1, 0.07)
-    axes.set_title(f"Linkage at {np.rad2deg(theta):.1f}°", loc="left", fontsize=13, color=paper.INK, pad=18)
+    axes.set_title(f"Linkage at {np.rad2deg(theta):.1f}°", loc="left", fontsize=13, color=paper.INK, pad=8)
     _label(axes, scene, points)
 
 
