@@ -67,7 +67,7 @@ def shown(*arguments: str, answer: str | None = None, codes: tuple[int, ...] = (
             ("compare --machine tufting --quantity needle_position_m", ["comparing"], 0),
             ("calibrate --machine tufting --out {out}.yaml", ["judging", "settling"], 80),
             ("monitor --machine tufting --learn 20", ["watching"], 100),
-            ("identify --machine tufting", ["judging", "fitting", "seeking events", "weighing"], 90),
+            ("identify --machine tufting", ["judging", "fitting", "weighing"], 90),
         ),
     ],
 )

@@ -42,7 +42,7 @@ NO_PART = {"mass", "inertia", "centroid", "length", "spring", "other_machine"}
 def case_of(chain: str) -> Case:
     """A tufting machine of another force, with a sensor that is late, read through a chain."""
     encoder, torque, _, _ = CHAINS[chain]
-    case = healthy("tufting", 921, duration_s=12.0)
+    case = healthy("tufting", 921, duration_s=18.0 if chain == "AC coupled" else 12.0)
     torque = replace(torque, gain=1.01, delay_s=0.0025)
     return replace(case, encoder=encoder, torque=torque, backing=replace(case.backing, force_N=1180.0))
 

@@ -107,7 +107,7 @@ def test_thirty_times_the_own_inertia_is_found_at_discontinuous_accelerations(ga
 @pytest.mark.slow
 def test_beside_a_reversed_sign_both_are_named() -> None:
     """A gain, the loads, friction and a zero of 144 degrees explain nearly as much of such a torque."""
-    case = heavier("tufting", 24.0)
+    case = heavier("tufting")
     readings = speed_controlled(case, 2.0)
     sign, added = assess(replace(readings, torque=-readings.torque), configured_machine(case)).verdict
     assert (sign.cause, added.cause) == ("torque_sign", "unmodelled_inertia")
