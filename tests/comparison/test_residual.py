@@ -70,6 +70,17 @@ def test_there_is_no_residual_over_gaps_and_steps() -> None:
     assert stream.skipped == {"before the first prediction": 1, "load jumps there": 1, "gap between predictions": 1}
 
 
+def test_a_place_where_the_machine_cannot_close_costs_its_own_residuals_alone() -> None:
+    stamps, torques, thetas = predictions(80)
+    torques[40] = math.nan
+    stream = ResidualStream(TorqueSensor())
+    stream.predicted(stamps, torques, thetas)
+    found = [stream.measured(stamp + MS, 0.0) for stamp in stamps[:-1]]
+    assert [k for k, each in enumerate(found) if not each] == [39, 40]
+    assert math.isfinite(stream.rms_Nm) and stream.given == 77
+    assert stream.skipped == {"prediction is not finite": 2}
+
+
 def test_bad_samples_are_counted() -> None:
     stamps, torques, thetas = predictions(20)
     stream = ResidualStream(TorqueSensor())

@@ -35,8 +35,9 @@ class ResidualStream:
     """Pairs of a stream of measured torques and a stream of predictions, in any order of arrival.
 
     The prediction at `stamp - delay` is interpolated linearly between its two neighbours, and passes the filter of the
-    sensor. No residual is given over a gap, while the filter settles, or over a discontinuity of the reading (the
-    needle enters the backing, and no low pass smooths it). Such samples are counted in `skipped`, by cause.
+    sensor. No residual is given over a gap, while the filter settles, where the prediction is not finite, or over a
+    discontinuity of the reading (the needle enters the backing, and no low pass smooths it). Such samples are counted
+    in `skipped`, by cause.
 
     Args:
         sensor: the torque sensor.
@@ -122,6 +123,8 @@ class ResidualStream:
 
     def _residual(self, stamp_ns: int, torque_Nm: float) -> list[Residual]:
         predicted, cause = self._predictions.at(stamp_ns - self._delay_ns)
+        if not cause and not math.isfinite(predicted):
+            cause = "prediction is not finite"
         if cause:
             self.skipped[cause] += 1
             return []
