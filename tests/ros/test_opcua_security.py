@@ -152,6 +152,16 @@ def test_an_expired_client_is_told_so_and_expiring_certificates_are_named(keys: 
             asyncio.run(connected(url, keys, certificate=expired, private_key=expired_key))
 
 
+def test_a_folder_of_certificates_that_has_gone_is_a_finding(keys: Keys, tmp_path: Path) -> None:
+    """As while somebody replaces it: it ended the node."""
+    trusted = tmp_path / "trusted"
+    shutil.copytree(keys.trusted, trusted)
+    security = ServerSecurity(ServerSecurityParameters(**{**keys.of_server(), "trusted": str(trusted)}))
+    shutil.rmtree(trusted)
+    (found,) = CertificateWatch(security.certificates).findings()
+    assert found.level == ERROR and str(trusted) in found.text
+
+
 def test_a_node_names_its_expired_certificate_at_its_start(suite: Suite, tmp_path: Path) -> None:
     own, key = make_certificate(tmp_path, "own", days=0)
     words = ("url:=opc.tcp://127.0.0.1:9", "angle:='ns=2;s=Angle'", f"certificate:={own}", f"private_key:={key}")

@@ -84,7 +84,10 @@ class CertificateWatch:
         """Return a finding for each certificate that has expired or expires within 30 days; read once a minute."""
         if time.monotonic() - self._looked_s > _CERTIFICATES_S:
             self._looked_s = time.monotonic()
-            self._findings = [found for path in self._files() if (found := _validity_finding(path)) is not None]
+            try:
+                self._findings = [found for path in self._files() if (found := _validity_finding(path)) is not None]
+            except OSError as error:  # as while somebody replaces the folder
+                self._findings = [Finding("folder", ERROR, f"certificates {error.filename}: {error.strerror}")]
         return self._findings
 
 
