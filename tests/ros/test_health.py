@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 
 import numpy as np
 import pytest
@@ -10,12 +11,14 @@ import pytest
 pytest.importorskip("rclpy")
 
 from textile_twin_core.shaft import SampleReport
+from textile_twin_ros import sample_inputs
 from textile_twin_ros.diagnostics import ERROR, OK, STALE, WARN, Status
 from textile_twin_ros.health import (
     CountWindow,
     MeasuredTorque,
     burst_findings,
     joint_findings,
+    late_findings,
     publisher_findings,
     residual_findings,
     sample_counts,
@@ -26,6 +29,7 @@ from textile_twin_ros.health import (
     unit_findings,
     with_findings,
 )
+from textile_twin_ros.sample_inputs import SampleInput
 
 
 def level(growth: dict[str, float]) -> bytes:
@@ -147,3 +151,16 @@ def test_a_joint_that_no_message_has_is_named(others: list[str] | None, silent_s
     findings = joint_findings("main_shaft", others, silent_s)
     assert len(findings) == bool(words)
     assert all(finding.level == ERROR and words in finding.text for finding in findings)
+
+
+@pytest.mark.parametrize(("received_ns", "is_late"), [(0, False), (time.time_ns() - 3_000_000_000, True)])
+def test_only_a_stated_time_of_reception_makes_a_node_late(
+    received_ns: int, is_late: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Cyclone DDS states none, which is 0."""
+    source = SampleInput.__new__(SampleInput)
+    source._subscription = source._message_class = None  # type: ignore[assignment]
+    taken = (b"raw", {"received_timestamp": received_ns, "source_timestamp": 5})
+    monkeypatch.setattr(sample_inputs, "take_next", lambda *_: taken)
+    assert source._next() == b"raw"
+    assert bool(late_findings(source._late_s)) == is_late

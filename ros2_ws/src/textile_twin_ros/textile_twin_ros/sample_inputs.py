@@ -34,7 +34,14 @@ from rclpy.subscription import Subscription
 
 from textile_twin_core.recordings.message_types import FLOAT64, HEADER, JOINT_STATE, WRENCH
 from textile_twin_ros.diagnostics import WINDOW_S, InputWatch, Status
-from textile_twin_ros.endpoints import NAMELESS, describe_publishers, publisher_name, samples_qos, take_next
+from textile_twin_ros.endpoints import (
+    NAMELESS,
+    describe_publishers,
+    publisher_name,
+    received_ns,
+    samples_qos,
+    take_next,
+)
 from textile_twin_ros.health import (
     CountWindow,
     Finding,
@@ -344,5 +351,5 @@ class SampleInput:
     def _next(self) -> bytes | None:
         """Take the next message that waits: waking for it is a third of the work."""
         taken = take_next(self._subscription, self._message_class)
-        self._late_s = 0.0 if taken is None else (time_ns() - taken[1]["received_timestamp"]) * 1e-9
+        self._late_s = 0.0 if taken is None else (time_ns() - received_ns(taken[1])) * 1e-9
         return None if taken is None else taken[0]

@@ -32,7 +32,14 @@ from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 
 from textile_twin_core.errors import SceneError
-from textile_twin_ros.endpoints import describe_publishers, offered_qos, recording_qos, take_next, topic_name
+from textile_twin_ros.endpoints import (
+    describe_publishers,
+    offered_qos,
+    received_ns,
+    recording_qos,
+    take_next,
+    topic_name,
+)
 from textile_twin_ros.machine_namespace import MachineNamespace
 from textile_twin_ros.messages import message_class
 
@@ -241,10 +248,9 @@ class TopicSubscriptions:
 
 
 def _received(raw: bytes, info: MessageInfo) -> Received:
-    """Add the stamps of the middleware; one that gives none leaves the present time."""
-    now_ns = time.time_ns()
-    received_ns = info["received_timestamp"] or now_ns
-    return Received(raw, received_ns, info["source_timestamp"] or received_ns)
+    """Add the stamps of the middleware; one that gives no time of sending leaves that of reception."""
+    came_ns = received_ns(info)
+    return Received(raw, came_ns, info["source_timestamp"] or came_ns)
 
 
 def _waiting(subscription: Subscription, message_type: type) -> Iterator[Received]:
