@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import signal
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -14,13 +14,16 @@ from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
+from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 
 from tests.ros.suite import RELIABLE, SECOND_NS, Suite, recorded, shaft_angles, wait_until, write_bag
 from tests.ros.test_live_topics import joint_state, stamp_of
-from textile_twin_core.recordings import open_bag
+from textile_twin_core.errors import RecordingError
+from textile_twin_core.recordings import BagWriter, open_bag
+from textile_twin_core.recordings.schemas import MessageSchema, message_schema
 from textile_twin_ros.endpoints import latched_qos
+from textile_twin_ros.topic_subscriptions import Recorder, TopicSubscriptions
 
 
 def test_a_kill_loses_a_second_at_most(suite: Suite) -> None:
@@ -314,3 +317,24 @@ def _numbers(recording: Path, topic: str, turn: int) -> list[int]:
     raws = [raw for _, _, raw in open_bag(recording).raw_messages([f"/{topic}"])]
     words = [deserialize_message(raw, String).data.split() for raw in raws]
     return [int(number) for publisher, number in words if int(publisher) == turn]
+
+
+def test_a_topic_whose_definition_is_not_found_is_left_out(suite: Suite, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As of a type that its package declares in IDL alone, on a topic that appears while the others are recorded."""
+
+    def found(msgtype: str) -> MessageSchema:
+        if msgtype == "std_msgs/msg/Float64":
+            raise RecordingError(f"message type {msgtype}: no definition found")
+        return message_schema(msgtype)
+
+    for module in ("schemas", "bag_write"):
+        monkeypatch.setattr(f"textile_twin_core.recordings.{module}.message_schema", found)
+    node = suite.node()
+    publishers = [node.create_publisher(kind, name, RELIABLE) for kind, name in ((Float64, "odd"), (String, "words"))]
+    suite.spin_until(lambda: all(node.count_publishers(each.topic_name) for each in publishers), "the publishers")
+    node.executor_name = "single"  # type: ignore[attr-defined]
+    topics = TopicSubscriptions(cast(Recorder, node), ("odd", "words"), (), 10, lambda *_: None)
+    with BagWriter(suite.folder / "bag") as writer:
+        topics.write_to(writer)
+        topics.discover()
+    assert topics.topics == ["/words"] and list(open_bag(suite.folder / "bag").topics) == ["/words"]

@@ -31,7 +31,7 @@ from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile
 from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 
-from textile_twin_core.errors import SceneError
+from textile_twin_core.errors import RecordingError, SceneError
 from textile_twin_ros.endpoints import (
     describe_publishers,
     offered_qos,
@@ -173,9 +173,13 @@ class TopicSubscriptions:
         return topic_name(self._node, topic, "types"), msgtype
 
     def _subscribe(self, topic: str, msgtype: str) -> None:
+        # Optional packages are imported where they are used, so that a missing one gives one line.
+        from textile_twin_core.recordings.schemas import message_schema
+
         try:
             message_type = message_class(msgtype)
-        except LookupError as error:
+            message_schema(msgtype)  # one topic whose definition is not found must not end the recording of the others
+        except (LookupError, RecordingError) as error:
             self._refused.add(topic)
             self._node.get_logger().error(f"{topic} is not recorded: {error}")
             return
