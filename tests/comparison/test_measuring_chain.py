@@ -81,6 +81,24 @@ def test_the_chain_is_named_with_its_value_and_no_part_of_the_machine(chain: str
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("torque", "cause", "value"),
+    [
+        (TorqueSensor(delay_s=0.0017, low_pass_hz=16.0, low_pass_order=2), "torque_low_pass", 16.0),
+        *more((TorqueSensor(delay_s=0.0034, high_pass_hz=0.26), "torque_high_pass", 0.26)),
+    ],
+)
+def test_a_loom_whose_smooth_torque_hardly_shows_the_filter(torque: TorqueSensor, cause: str, value: float) -> None:
+    found = judged(healthy("loom", 925, torque=torque, duration_s=18.0))
+    named = {each.cause: each for each in found.verdict}
+    assert not {*NO_PART, "torque_sign", "encoder_direction", "encoder_zero"} & set(named)
+    assert named[cause].value == pytest.approx(value, abs=3.5 * named[cause].sigma)
+    assert found.found is not None
+    p = found.found.posterior
+    assert p.value(DELAY) == pytest.approx(torque.delay_s, abs=3.5 * p.sigma(DELAY))
+
+
+@pytest.mark.slow
 @pytest.mark.campaign
 def test_calibrate_writes_the_chain_into_the_machine_file() -> None:
     case = case_of("low pass")

@@ -42,7 +42,7 @@ class Judged:
 
     @cached_property
     def unexplained(self) -> float:
-        """Share of the torque's variance that stays unexplained, without the noise of single samples.
+        """Share of the torque's variance that stays unexplained, without the noise of single samples and of the motion.
 
         Noise is independent between samples, so the covariance of neighbouring residuals counts; means over a turn
         overlap, so there it is that of every other one. If the machine explains less than its departures from
@@ -68,6 +68,7 @@ class Judged:
         if not product.size:
             return 1.0
         shown = float(np.mean(product)) - _SHOWN * float(np.std(product)) / math.sqrt(product.size)
+        shown -= (p.hypothesis.gain * m.uncertain_Nm) ** 2
         return max(shown, 0.0) / variance
 
     @property

@@ -16,12 +16,12 @@ from scipy.special import log_ndtr
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.inference.map_fit import Fit, prior_variance
 from textile_twin_core.inference.measurement import Measurement
-from textile_twin_core.inference.parameter import DELAY, FILTERS
+from textile_twin_core.inference.parameter import DELAY, FILTERS, HIGH_PASS
 
 Departures = frozenset[str]
 EQUIVALENT_NATS = 3.0
 """Difference of log evidence below which two explanations are named together."""
-_OF_BODIES = (
+OF_BODIES = (
     "mass",
     "inertia",
     "centroid",
@@ -122,8 +122,12 @@ def is_one(measurement: Measurement, departing: Collection[str]) -> bool:
 
 
 def undeclared_filters(measurement: Measurement, fit: Fit) -> Departures:
-    """Return the filters of a fit's hypothesis that the machine file does not have."""
-    return frozenset(n for n in fit.hypothesis.filters if not measurement.nominal[measurement.place[n]])
+    """Return the filters of a fit's hypothesis that the machine file does not have, a low pass with its delay.
+
+    Low pass and delay look alike at low frequencies: given an exact delay the corner would seem known too well.
+    """
+    found = frozenset(n for n in fit.hypothesis.filters if not measurement.nominal[measurement.place[n]])
+    return found if found <= {HIGH_PASS} else found | {DELAY}
 
 
 def hidden_by_motion(measurement: Measurement, fit: Fit) -> frozenset[str]:
@@ -137,17 +141,20 @@ def hidden_by_motion(measurement: Measurement, fit: Fit) -> frozenset[str]:
     return frozenset(
         p.name
         for p, each in zip(measurement.parameters, slope.tolist(), strict=True)
-        if p.kind in _OF_BODIES and each * p.departure < measurement.uncertain_Nm
+        if p.kind in OF_BODIES and each * p.departure < measurement.uncertain_Nm
     )
 
 
 def choose(measurement: Measurement, fit: Fit, inflation: float, start: Collection[str] = ()) -> Choice:
     """Search the likeliest set of departures: add, drop and swap one; from an empty set also add pairs.
 
-    Filters of the fit's hypothesis that the file does not have are in each set, other filters in none.
+    Filters of the fit's hypothesis that the file does not have are in each set, other filters in none, and no body
+    behind a high pass that the file does not have.
     """
     always = undeclared_filters(measurement, fit)
     absent = set(FILTERS) - fit.hypothesis.filters | hidden_by_motion(measurement, fit)
+    if HIGH_PASS in always:  # first the mean has to be in the record: its change over a run-up looks like a body's
+        absent |= {p.name for p in measurement.parameters if p.kind in OF_BODIES}
     names = tuple(p.name for p in measurement.parameters if p.may_depart and p.name not in absent)
     start = always.union(start)
     evidence = QuadraticEvidence(measurement, fit, inflation)

@@ -23,12 +23,12 @@ _CANDIDATES = tuple(
 )
 _SHIFTS_S = np.linspace(-4e-3, 4e-3, 9)
 _SAMPLES = 2500
-_HOPEFUL = 0.93
+HOPEFUL = 0.93
 """Mean square of the residual, over that without a filter, below which a filter is fitted."""
 _EXCLUSIVE = frozenset({LOW_PASS, BUTTERWORTH})
 
 
-def likely_filters(measurement: Measurement, fit: Fit) -> list[tuple[str, float, float]]:
+def likely_filters(measurement: Measurement, fit: Fit, hopeful: float = HOPEFUL) -> list[tuple[str, float, float]]:
     """List the filters that lower the residual of a fit clearly, with their values, the best first.
 
     Gain, dry and viscous friction, inertia, force and delay are solved for beside each candidate. A low pass beside
@@ -37,6 +37,7 @@ def likely_filters(measurement: Measurement, fit: Fit) -> list[tuple[str, float,
     Args:
         measurement: record and model, linear about the fit.
         fit: without these filters.
+        hopeful: mean square of the residual, over that without a filter, below which one is listed.
 
     Returns:
         Name, value and change of the delay [s] for the best value of each filter.
@@ -75,7 +76,7 @@ def likely_filters(measurement: Measurement, fit: Fit) -> list[tuple[str, float,
         if name in taken or (name in _EXCLUSIVE and taken & _EXCLUSIVE):
             continue
         reached, late = square({**v, name: value})
-        if reached < _HOPEFUL * without and (name not in out or reached < out[name][0]):
+        if reached < hopeful * without and (name not in out or reached < out[name][0]):
             out[name] = reached, value, late
     return [(name, value, late) for name, (_, value, late) in sorted(out.items(), key=lambda each: each[1][0])]
 

@@ -155,6 +155,9 @@ def map_fit(
     away = x - measurement.nominal
     information = here.information + used * here.standing
     covariance = np.asarray(np.linalg.inv(information / used + np.diag(1.0 / variance)))
+    if measurement.diluted:  # all values that follow the gain have its dilution
+        follow = covariance[names.index(GAIN)] / covariance[names.index(GAIN), names.index(GAIN)]
+        covariance = covariance + measurement.diluted**2 * np.outer(follow, follow)
     torque = measurement.record.torque_Nm
     return Fit(
         x,

@@ -96,6 +96,7 @@ class Measurement:
         record: the samples. model: torque of the machine. parameters: in their order.
         working_torque_Nm: scale of the torque at work.
         uncertain_Nm: root mean square of the torque that the uncertainty of the motion makes.
+        diluted: share by which it may attenuate the torque sensor's gain, which is in every covariance.
     """
 
     def __init__(
@@ -105,13 +106,14 @@ class Measurement:
         parameters: tuple[ModelParameter, ...],
         working_torque_Nm: float,
         uncertain_Nm: float = 0.0,
+        diluted: float = 0.0,
     ) -> None:
         self.record, self.model, self.parameters = record, model, parameters
         self.about = model.nominal
         self.names = tuple(p.name for p in parameters)
         self.place = {name: k for k, name in enumerate(self.names)}
         self.nominal = np.array([p.nominal for p in parameters])
-        self.working_torque_Nm, self.uncertain_Nm = working_torque_Nm, uncertain_Nm
+        self.working_torque_Nm, self.uncertain_Nm, self.diluted = working_torque_Nm, uncertain_Nm, diluted
         self.ripple = AngleRipple(parameters, record.shaft_per_encoder, record.speed_rad_s)
         self._motion: dict[tuple[bool, float, float], States] = {}
 
@@ -145,7 +147,8 @@ class Measurement:
 
     def on(self, record: Record) -> Measurement:
         """Return a copy for another record, with the same linearisation."""
-        other = Measurement(record, self.model, self.parameters, self.working_torque_Nm, self.uncertain_Nm)
+        of_machine = self.working_torque_Nm, self.uncertain_Nm, self.diluted
+        other = Measurement(record, self.model, self.parameters, *of_machine)
         other.about = self.about
         return other
 

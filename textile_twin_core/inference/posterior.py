@@ -16,6 +16,7 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.inference.evidence import (
+    OF_BODIES,
     Choice,
     Departures,
     QuadraticEvidence,
@@ -23,7 +24,7 @@ from textile_twin_core.inference.evidence import (
     is_one,
     undeclared_filters,
 )
-from textile_twin_core.inference.filter_scan import likely_filters
+from textile_twin_core.inference.filter_scan import HOPEFUL, likely_filters
 from textile_twin_core.inference.map_fit import Fit, map_fit, wide_fit
 from textile_twin_core.inference.measurement import Hypothesis, Measurement
 from textile_twin_core.inference.parameter import (
@@ -38,7 +39,7 @@ from textile_twin_core.inference.parameter import (
     gain_factor,
     gain_value,
 )
-from textile_twin_core.inference.priors import WorkingPoint, parameters, uncertain_ripple
+from textile_twin_core.inference.priors import WorkingPoint, parameters, uncertain_ripple, with_dilution
 from textile_twin_core.inference.record import MOST_SAMPLES, Record
 from textile_twin_core.inference.starts import GAINS, LOG_ODDS, RATIOS, TURN, hypotheses
 from textile_twin_core.inference.torque_model import TabulatedTorque
@@ -161,7 +162,9 @@ def infer(
     found = _inferred(measurement, configured, ratios)
     if not measurement.model.depends_on_angle():
         return found  # means over whole turns show no filter
-    if found is None or found.explained < _BLOCKED_MEAN or OFFSET in found.departing:
+    if found is not None and found.fit.rms < abs(found.hypothesis.gain) * measurement.uncertain_Nm:
+        return found  # the uncertain motion explains more torque than is left for a filter
+    if found is None or found.explained < _BLOCKED_MEAN or OFFSET in found.departing or _differs(found):
         # without the mean of the torque no hypothesis of the others need be near
         blocked = replace(configured, filters=configured.filters | {HIGH_PASS})
         fits = hypotheses(dense_measurement, blocked, ratios)
@@ -169,6 +172,11 @@ def infer(
             other = _searched(dense_measurement, blocked, fits)
             found = other if found is None or other is None else _likelier(found, other)
     return None if found is None else _with_filters(found, dense_measurement)
+
+
+def _differs(found: Posterior) -> bool:
+    """Return true for another direction, ratio, sign or unit than configured."""
+    return (found.hypothesis.turn, found.hypothesis.gain) != (found.configured.turn, found.configured.gain)
 
 
 def _inferred(measurement: Measurement, configured: Hypothesis, ratios: tuple[float, ...]) -> Posterior | None:
@@ -192,17 +200,29 @@ def _searched(measurement: Measurement, configured: Hypothesis, fits: list[Fit])
 
 
 def _with_filters(found: Posterior, measurement: Measurement) -> Posterior:
-    """Return the posterior with those filters of the torque sensor that are likelier than none."""
+    """Return the posterior with those filters of the torque sensor that are likelier than none.
+
+    They are searched in the residual without departures of bodies and links, which could imitate a filter.
+    """
     for _ in range(_MOST_FILTERS):
         best, log_evidence = None, -math.inf
-        for name, value, late in likely_filters(measurement.linearised(found.fit.x, found.departing), found.fit)[
-            :_FITTED_FILTERS
-        ]:
-            x = found.fit.x.copy()
+        plain = frozenset(name for name in found.departing if found.parameter(name).kind not in OF_BODIES)
+        fit = found.fit
+        if plain != found.departing:
+            x = fit.x.copy()
+            moved = [measurement.place[name] for name in found.departing - plain]
+            x[moved] = measurement.nominal[moved]
+            fit = wide_fit(measurement, found.hypothesis, x, plain, relinearise=True)
+        # tolerances of the bodies can absorb most of a filter, so that the residual shows it no more
+        hopeful = HOPEFUL if plain == found.departing else math.inf
+        likely = likely_filters(measurement.linearised(fit.x, plain), fit, hopeful)
+        start = fit.x
+        for name, value, late in likely[:_FITTED_FILTERS]:
+            x = start.copy()
             x[measurement.place[name]] = value
             x[measurement.place[DELAY]] += late
             hypothesis = replace(found.hypothesis, filters=found.hypothesis.filters | {name})
-            departing = found.departing | {name, DELAY}
+            departing = plain | {name, DELAY}
             fit = wide_fit(measurement, hypothesis, x, departing, relinearise=True)
             if best is not None:
                 fit = wide_fit(
@@ -290,7 +310,10 @@ def _measurement(record: Record, machine: Machine, configured: Hypothesis) -> Me
         return Measurement(measurement.record, model, without, scale)
     orders = model.torque_orders(speed)
     ripple, felt = uncertain_ripple(measurement.record.ripple, orders, inertia, speed, scale)
-    return Measurement(measurement.record, model, (*scaled, *ripple), scale, felt)
+    # the mean torque shows no gain beside friction
+    diluted = felt**2 / max(float(np.var(torque)), scale**2 * 1e-6) if torque.size else 0.0
+    scaled = tuple(with_dilution(p, diluted) if p.name == GAIN else p for p in scaled)
+    return Measurement(measurement.record, model, (*scaled, *ripple), scale, felt, diluted)
 
 
 class _Search:
