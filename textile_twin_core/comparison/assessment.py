@@ -10,9 +10,9 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.comparison.causes import NOT_THIS_MACHINE, Cause, Quantity, burst_verdict, causes, quantities
 from textile_twin_core.comparison.elastic_hypothesis import RIGID_NOTE, elastic_cause, elastic_hypothesis
-from textile_twin_core.comparison.evidence import REST_SHARE, Evidence, Settings, best_periodic
+from textile_twin_core.comparison.evidence import REST_SHARE, Evidence, Settings
 from textile_twin_core.comparison.force_law import ForceLawCause, explained_by_force_law
-from textile_twin_core.comparison.judged import Judged
+from textile_twin_core.comparison.judged import Judged, best_periodic
 from textile_twin_core.comparison.motion_uncertainty import uncertain_ripple
 from textile_twin_core.comparison.range_ends import at_range_ends, range_end_note
 from textile_twin_core.comparison.readings import FEWEST_TURNS, AngleUnit, Readings, angle_unit, samples_per_turn
@@ -161,7 +161,7 @@ def _assess(readings: Readings, machine: Machine, track: ShaftTrack | None) -> A
     per_turn = samples_per_turn(readings.angle_stamps_ns, speed)
     # The bound over all machines is needed only where this machine leaves something unexplained.
     short = found.unexplained > NOT_THIS_MACHINE
-    periodic = best_periodic(evidence.thinned(), found.settings) if short else found.explained
+    periodic = best_periodic(found) if short else found.explained
     if short and machine.sensors.encoder.teeth:
         # Pitch errors of its wheel read as acceleration, so no cause is named.
         return Assessment(unit, found, (), (*_notes(evidence), _WHEEL))
@@ -210,7 +210,9 @@ def _time_lines(evidence: Evidence, posterior: Posterior) -> tuple[TimeLine, ...
     if np.count_nonzero(good) < _FEWEST_FOR_LINES:
         return ()
     time, theta = m.record.time_s[good], m.record.motion.at(m.record.time_s[good])[0]
-    return time_lines(time, residual[good], theta, m.record.speed_rad_s)
+    lines = time_lines(time, residual[good], theta, m.record.speed_rad_s)
+    uncertain = abs(h.gain) * m.uncertain_Nm  # orders that the encoder does not resolve look like lines at one speed
+    return tuple(line for line in lines if line.amplitude_Nm > uncertain)
 
 
 def _inferred(

@@ -20,6 +20,7 @@ from textile_twin_core.inference.parameter import (
     DRIFT,
     ECCENTRIC,
     ECCENTRICITY,
+    FILTERS,
     GAIN,
     HELD,
     HIGH_PASS,
@@ -58,6 +59,8 @@ NOT_JUDGED = frozenset(
     )
 )
 """Causes that wrong times may imitate."""
+_OF_TIME = (DELAY, DRIFT, *FILTERS)
+"""Departures that change no mean torque, so that an uncertain ripple of the motion can hide them."""
 _TWO_SIGMA = 1.96
 _LEAST_LINE = 0.005
 """Amplitude of a line fixed in time, over the working torque, above which it is named."""
@@ -190,7 +193,7 @@ def _discrete(found: Judged) -> list[Cause]:
 def _departures(found: Judged) -> list[Cause]:
     """Reportable departures, in order of the torque that each explains."""
     p, named = found.posterior, list[tuple[float, Cause]]()
-    effects = found.effects_Nm
+    effects, uncertain = found.effects_Nm, abs(p.hypothesis.gain) * p.measurement.uncertain_Nm
     for name in sorted(p.departing):
         away = p.departure(name)
         if name in (ZERO, DELAY) and found.evidence.track.at_one_speed:
@@ -205,6 +208,8 @@ def _departures(found: Judged) -> list[Cause]:
         beside = name in ECCENTRIC or (name in (ZERO, DELAY) and found.evidence.track.at_one_speed)
         least = known.threshold if beside else max(known.threshold, _TWO_SIGMA * p.sigma(name))
         if name in (COULOMB, VISCOUS, HELD) or abs(away) < least:  # the interval holds the file's value
+            continue
+        if name in _OF_TIME and effects.get(name, 0.0) < uncertain:
             continue
         if name == OFFSET and _is_offset_in_unit(found):
             continue

@@ -32,15 +32,7 @@ class BesideEvent:
         return float(np.sum(np.abs(self.measured - self.before - past * (self.after - self.before))))
 
 
-@dataclass(frozen=True)
-class EventAngle:
-    """Estimated shift of an event with its uncertainty, and the likeliest spread."""
-
-    shift: Estimate
-    spread_rad: float
-
-
-def event_angle(beside: BesideEvent, scale: float, about_rad: float, reach_rad: float) -> EventAngle:
+def event_angle(beside: BesideEvent, scale: float, about_rad: float, reach_rad: float) -> Estimate:
     """Posterior of an event's shift, under a uniform prior of shifts and spreads.
 
     Two kinds of event are compared. One is a discontinuity: each sample lies before it or after it, and errors of the
@@ -65,7 +57,7 @@ def event_angle(beside: BesideEvent, scale: float, about_rad: float, reach_rad: 
     edges = shifts[0] + step * (np.arange(shifts.size + 1) - 0.5)
     reached = np.concatenate(([0.0], np.cumsum(mass)))
     low, high = (float(np.interp(share, reached, edges)) for share in (0.025, 0.975))
-    return EventAngle(Estimate(mean, sigma, (low, high)), SPREADS_RAD[int(np.argmax(logs.max(axis=(0, 2))))])
+    return Estimate(mean, sigma, (low, high))
 
 
 def _log_likelihoods(beside: BesideEvent, shifts: FloatArray, spread: float, scale: float, steep: bool) -> FloatArray:

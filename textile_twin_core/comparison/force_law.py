@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from textile_twin_core.comparison.causes import NOT_THIS_MACHINE
-from textile_twin_core.comparison.evidence import best_periodic
-from textile_twin_core.comparison.judged import Judged
+from textile_twin_core.comparison.judged import Judged, best_periodic
 from textile_twin_core.dynamics.loads.force_curve import POSITION
 from textile_twin_core.inference.evidence import QuadraticEvidence
 from textile_twin_core.inference.force_law import (
@@ -67,7 +66,7 @@ def explained_by_force_law(found: Judged, machine: Machine) -> ForceLawCause | N
     p = found.posterior
     if machine.shaft is not None or (found.unexplained < _TRIED and p.surprise <= IMPLAUSIBLE_NATS):
         return None
-    if found.unexplained > NOT_THIS_MACHINE and best_periodic(found.evidence.thinned(), found.settings) < _PERIODIC:
+    if found.unexplained > NOT_THIS_MACHINE and best_periodic(found) < _PERIODIC:
         return None
     best: tuple[float, CurvePosterior] | None = None
     taken = {measure_of(load) for load in machine.loads}

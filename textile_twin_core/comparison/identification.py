@@ -14,7 +14,7 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.comparison.assessment import Assessment, assess, hypothesis_of, record_of
 from textile_twin_core.comparison.calibration import calibration_refusal
 from textile_twin_core.comparison.causes import WRONG_FIRST
-from textile_twin_core.comparison.event_angle import EventAngle, event_angle
+from textile_twin_core.comparison.event_angle import event_angle
 from textile_twin_core.comparison.identifiable import NotIdentifiable, identifiable
 from textile_twin_core.comparison.identified_machine import Candidates
 from textile_twin_core.comparison.instrumented_fit import instrumented_fit
@@ -153,7 +153,7 @@ def identify(readings: Readings, machine: Machine, begin: Begin = unheard) -> Id
     samples = m.on(record_of(evidence, most=_ALL_SAMPLES))
     clean = None if record.block_s else _clean_motion(readings, machine, found)
     smooth = {*free, *nuisance}.difference(candidates.planes)
-    events = dict[str, EventAngle]()
+    events = dict[str, Estimate]()
     if set(candidates.planes).intersection(free):
         least = instrumented_fit(m, hypothesis, start, smooth).x
         events, start = _events(samples, hypothesis, least, candidates, free)
@@ -198,14 +198,14 @@ def identify(readings: Readings, machine: Machine, begin: Begin = unheard) -> Id
 
 def _events(
     samples: Measurement, hypothesis: Hypothesis, x: FloatArray, candidates: Candidates, names: Collection[str]
-) -> tuple[dict[str, EventAngle], FloatArray]:
+) -> tuple[dict[str, Estimate], FloatArray]:
     """Estimate event angles from the samples beside them; return their shifts, and x with the planes moved.
 
     Few samples lie beside an event, so its likelihood is no parabola, and the fit of all samples would be
     overconfident. An event with too few samples on either side is left out, its plane as configured.
     """
     residual, good = samples.residual(hypothesis, x)
-    scale, moved, events = robust_scale(residual[good]), x.copy(), dict[str, EventAngle]()
+    scale, moved, events = robust_scale(residual[good]), x.copy(), dict[str, Estimate]()
     angles = candidates.event_angles(samples, x)
     for name in set(candidates.planes).intersection(names):
         place = samples.place[name]
@@ -219,7 +219,7 @@ def _events(
         near = np.abs(past) < _REACH_RAD
         if min(np.count_nonzero(near & (past < 0.0)), np.count_nonzero(near & (past > 0.0))) >= _FEWEST_BESIDE:
             events[name] = event_angle(beside, scale, coarse, _REACH_RAD)
-            moved[place] = candidates.plane_at(angles[name] + events[name].shift.value)
+            moved[place] = candidates.plane_at(angles[name] + events[name].value)
     return events, moved
 
 
@@ -230,9 +230,8 @@ def _phase_sigma(names: tuple[str, ...], covariance: FloatArray, speed_rad_s: fl
     return math.sqrt(max(float(weigh @ covariance @ weigh), 0.0))
 
 
-def _with_phase(angle_rad: float, event: EventAngle, phase_rad: float) -> Estimate:
+def _with_phase(angle_rad: float, shift: Estimate, phase_rad: float) -> Estimate:
     """Angle of an event, with the uncertainty of its own samples and of the shaft's angle."""
-    shift = event.shift
     wider = math.hypot(shift.sigma, phase_rad) / shift.sigma
     low, high = (angle_rad + shift.value + wider * (end - shift.value) for end in shift.interval95)
     return Estimate(angle_rad + shift.value, wider * shift.sigma, (low, high))

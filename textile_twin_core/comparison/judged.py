@@ -16,8 +16,10 @@ from textile_twin_core.inference.posterior import Posterior
 from textile_twin_core.inference.record import MOST_SAMPLES
 from textile_twin_core.inference.settled import Settled, settle, settled_sensors
 
+_ORDERS = 12
+"""Highest order of the shaft in `best_periodic`."""
 _SHOWN = 2.0
-"""Standard errors below which a covariance of residuals counts as zero."""
+"""Standard deviations below which a covariance of residuals counts as zero, or as that of the uncertain motion."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,7 @@ class Judged:
         if not product.size:
             return 1.0
         shown = float(np.mean(product)) - _SHOWN * float(np.std(product)) / math.sqrt(product.size)
-        shown -= (p.hypothesis.gain * m.uncertain_Nm) ** 2
+        shown -= (_SHOWN * p.hypothesis.gain * m.uncertain_Nm) ** 2
         return max(shown, 0.0) / variance
 
     @property
@@ -115,3 +117,28 @@ class Judged:
                 name = known.leader or known.name
                 out[name] = out.get(name, 0.0) + seen.slopes[seen.good, k] * away[k]
         return {name: float(np.sqrt(np.mean(torque**2))) for name, torque in out.items()}
+
+
+def best_periodic(found: Judged) -> float:
+    """Share of the torque's mean square about its mean that J(theta) alpha + C(theta) omega^2 + G(theta) can explain.
+
+    J, C and G are any functions with orders up to 12 (J: 4) of the shaft angle, by least squares.
+    """
+    p, turning = found.posterior, found.evidence.thinned()
+    record = replace(p.measurement.record, time_s=turning.time_s, torque_Nm=turning.torque_Nm, block_s=0.0)
+    m = p.measurement.on(record)
+    plain = replace(p.hypothesis, filters=frozenset())
+    theta, omega, alpha, good = m.states(plain, m.values(p.fit.x))[0]
+    theta, torque = theta[good], turning.torque_Nm[good]
+    omega = omega[good] / max(abs(turning.working_speed()), 1e-300)
+    alpha = alpha[good] / max(float(np.std(alpha[good])), 1e-300)
+    waves = [np.ones_like(theta)]
+    for order in range(1, _ORDERS + 1):
+        waves += [np.cos(order * theta), np.sin(order * theta)]
+    columns = [*waves, *(wave * omega**2 for wave in waves), *(wave * alpha for wave in waves[:9])]
+    matrix = np.stack(columns, axis=1)
+    solved = np.linalg.lstsq(matrix, torque, rcond=1e-8)[0]
+    residual = torque - matrix @ solved
+    freedom = max(torque.size - matrix.shape[1], 1)
+    unexplained = float(residual @ residual) / freedom
+    return float(1.0 - unexplained / max(float(np.var(torque)), 1e-300))

@@ -13,8 +13,6 @@ from textile_twin_core.machine import Machine
 from textile_twin_core.twin import compile_machine
 
 TURN = 2.0 * np.pi
-_SPEED_RAD_S, _ROUNDING = 10.0, 1e-12
-"""Speed of the test for a load, and the share of the mechanism's torque below which a load is rounding."""
 
 
 @dataclass(frozen=True)
@@ -37,10 +35,7 @@ class Terms:
 
 
 class TorqueTerms:
-    """Evaluation of the parts of one machine's torque, independent of its sensors.
-
-    has_load: a load beside the shaft's friction acts. has_zero: the torque depends on the shaft's angle.
-    """
+    """Evaluation of the parts of one machine's torque, independent of its sensors."""
 
     def __init__(self, machine: Machine) -> None:
         frictions = [load for load in machine.loads if isinstance(load, ShaftFriction)]
@@ -50,24 +45,8 @@ class TorqueTerms:
         self._twin = compile_machine(
             replace(machine, loads=others), ["torque_inertial_Nm", "torque_gravity_Nm", "torque_load_Nm"]
         )
-        angles = machine.shaft_angles(720)
-        self.has_load = bool(others) and self._load_acts(angles)
-        self.has_zero = self._depends_on(angles)
         jumps = load_steps(compile_machine(machine, ["balancing_torque_Nm"]))
         self._step_angles = np.sort(np.mod(np.asarray(jumps, dtype=np.float64), TURN))
-
-    def _load_acts(self, angles: FloatArray) -> bool:
-        """Return true if the loads exceed rounding beside the mechanism's own torque."""
-        theta, omega = np.tile(angles, 2), np.repeat([_SPEED_RAD_S, -_SPEED_RAD_S], angles.size)
-        found = self._twin.evaluate(theta, omega, np.zeros_like(theta))
-        load, *own = (np.nanmax(np.abs(found[f"torque_{name}_Nm"])) for name in ("load", "inertial", "gravity"))
-        return bool(load > _ROUNDING * max(own))
-
-    def _depends_on(self, angles: FloatArray) -> bool:
-        """Return true if the torque depends on the shaft's angle; without a linkage it does not."""
-        speed = np.full_like(angles, _SPEED_RAD_S)
-        torque = self.at(angles, speed, speed**2, 0.0).total
-        return bool(np.ptp(torque) > _ROUNDING * np.max(np.abs(torque)))
 
     def at(self, theta: FloatArray, omega: FloatArray, alpha: FloatArray, slow_rad_s: float | FloatArray) -> Terms:
         """Evaluate the parts at states (n,)."""

@@ -25,15 +25,7 @@ class HarmonicResponse:
     _frequencies: FloatArray
     _twist: FloatArray
     _forces: ComplexArray
-    _static: ComplexArray
     _damping_ratio: float
-
-    def rigid(self, omega_rad_s: float, orders: int) -> ComplexArray:
-        """(orders,) amplitudes of the sensor's torque on a rigid shaft from order 1 on [N m].
-
-        An amplitude c stands for the real part of c exp(i order theta).
-        """
-        return _at_speed(self._static, omega_rad_s)[: orders + 1][1:]
 
     def elastic(self, omega_rad_s: float, orders: int, factors: FloatArray) -> ComplexArray:
         """(factors, orders) amplitudes of the sensor's torque from order 1 on, at factors of the stiffness [N m]."""
@@ -68,8 +60,7 @@ def harmonic_response(elastic: ElasticShaft, drive_inertia_kgm2: float, damping_
     twist = elastic.chain.stiffness[piece] * (modes[piece] - modes[piece + 1])
     per_mode = -sign * twist / (2.0 * np.pi * frequencies) ** 2 / elastic.ratios[piece + 1]
     forces = np.einsum("psk,sm->pkm", amplitudes, modes)
-    static = np.asarray((forces * per_mode).sum(axis=2))
-    return HarmonicResponse(float(frequencies[0]), frequencies, per_mode, forces, static, damping_ratio)
+    return HarmonicResponse(float(frequencies[0]), frequencies, per_mode, forces, damping_ratio)
 
 
 def _at_speed(by_power: ComplexArray, omega_rad_s: float) -> ComplexArray:

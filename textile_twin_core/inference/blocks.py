@@ -46,8 +46,3 @@ def fewer(count: int, in_a_block: float, most: int) -> IntArray:
         return taken
     runs = np.unique(np.linspace(0, taken.size // _RUN - 1, max(most // _RUN, 1)).astype(np.int64))
     return np.asarray(taken[(_RUN * runs[:, None] + np.arange(_RUN)).ravel()])
-
-
-def scale(residual: FloatArray) -> float:
-    """Scale of Huber's loss for residuals of blocks (b,), so wide that blocks with a discontinuity count in full."""
-    return _WILD * float(np.sqrt(np.mean(residual**2))) + 1e-300
