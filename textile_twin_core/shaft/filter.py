@@ -17,16 +17,6 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import by_reference, compiled_in_place
 from textile_twin_core.shaft import layout, measurement_noise, model_bank, outlier_gate
-from textile_twin_core.shaft.arrival import (
-    BUNCHED,
-    FASTER,
-    admit,
-    average_interval,
-    classify_arrival,
-    is_gap,
-    is_turn_ambiguous,
-    most_bunched,
-)
 from textile_twin_core.shaft.constants import (
     ADAPT_EVERY,
     FINEST_MOTION,
@@ -45,6 +35,19 @@ from textile_twin_core.shaft.constants import (
 from textile_twin_core.shaft.filter_bank import predict_reading, reset_ripple_covariance, update_second_order
 from textile_twin_core.shaft.kalman import time_update
 from textile_twin_core.shaft.residual_orders import add_systematic, average_orders, set_systematic
+from textile_twin_core.shaft.samples import (
+    BUNCHED,
+    FASTER,
+    admit,
+    average_interval,
+    begin_unwrapping,
+    classify_arrival,
+    is_gap,
+    is_turn_ambiguous,
+    most_bunched,
+    unwrap_move,
+    unwrap_reading,
+)
 from textile_twin_core.shaft.status import (
     MANOEUVRE,
     RUNNING,
@@ -58,7 +61,6 @@ from textile_twin_core.shaft.status import (
     Stamps,
 )
 from textile_twin_core.shaft.turns import TURN, split_turn
-from textile_twin_core.shaft.unwrapping import begin_unwrapping, unwrap_move, unwrap_reading
 
 
 @by_reference

@@ -44,14 +44,12 @@ from textile_twin_core.shaft.constants import (
 from textile_twin_core.shaft.estimator import PIECE, Part, ShaftEstimator, joined, states_of
 from textile_twin_core.shaft.filter import Block
 from textile_twin_core.shaft.measurement_noise import measurement_variance
-from textile_twin_core.shaft.omitted_orders import add_omitted
-from textile_twin_core.shaft.residual_orders import set_sensor_power
-from textile_twin_core.shaft.rts_smoother import new_smoother, smooth_model
+from textile_twin_core.shaft.residual_orders import add_omitted, set_sensor_power
+from textile_twin_core.shaft.rts_smoother import adopt_weight, new_smoother, scale_covariances, smooth_model
 from textile_twin_core.shaft.states import ShaftStates
 from textile_twin_core.shaft.status import ROW, STATE, STRETCH, Records, Stamps
 from textile_twin_core.shaft.teeth import ToothWheel
 from textile_twin_core.shaft.turns import TURN
-from textile_twin_core.shaft.unit_weight import adopt_weight, scale_covariances
 
 
 class SmoothEstimator(ShaftEstimator):

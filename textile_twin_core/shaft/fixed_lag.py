@@ -11,13 +11,21 @@ from textile_twin_core.shaft.clock import copy_numbers
 from textile_twin_core.shaft.constants import BATCH, CERTAIN, FIRST_WEIGHT, MOST_ROWS
 from textile_twin_core.shaft.estimator import Part, ShaftEstimator, states_of
 from textile_twin_core.shaft.filter import Block, process_sample
-from textile_twin_core.shaft.rts_smoother import Smoother, begin_at_row, is_far, new_smoother, set_ripple, smooth
+from textile_twin_core.shaft.rts_smoother import (
+    Smoother,
+    adopt_weight,
+    begin_at_row,
+    is_far,
+    new_smoother,
+    scale_covariances,
+    set_ripple,
+    smooth,
+)
 from textile_twin_core.shaft.settings import require_positive
 from textile_twin_core.shaft.states import ShaftStates
 from textile_twin_core.shaft.status import ROW, STRETCH, Bank, FilterStatus, Records, Stamps
-from textile_twin_core.shaft.unit_weight import adopt_weight, scale_covariances
 
-# Lag [s]; rows in the window; rows released by this call; 1 where the smoother must restart; see `unit_weight`.
+# Lag [s]; rows in the window; rows released by this call; 1 where the smoother must restart; see `rts_smoother`.
 PROGRESS = np.dtype(
     [("lag", np.float64), ("rows", np.int64), ("ready", np.int64), ("restart", np.int64), ("weight", np.float64, (2,))]
 )

@@ -35,6 +35,7 @@ from textile_twin_core.shaft.constants import (
     UNCONFIRMED,
 )
 from textile_twin_core.shaft.kalman import time_update
+from textile_twin_core.shaft.samples import unwrap_reading
 from textile_twin_core.shaft.status import (
     MANOEUVRE,
     STRETCH,
@@ -50,7 +51,6 @@ from textile_twin_core.shaft.status import (
     Sampling,
     Unwrapping,
 )
-from textile_twin_core.shaft.unwrapping import unwrap_reading
 
 
 @compiled_in_place

@@ -4,6 +4,9 @@ Let L, L- and S be the factors of the filtered, the predicted and the next smoot
 noise and F the transition over a step, with x, x- and x+ the states. With K = L-^-1 F L, M = L-^-1 G, W = L-^-1 S and
 d = L-^-1 (x+ - x-) the smoothed factor is L times that of the sum of squares of K'K - I, K'M and K'W, positive by form,
 the smoothed state x + L K'd, and M'd the smoothed normalised jerk.
+
+The intensity of the white jerk follows the filter's memory, then the smoothed jerk (MacKay 1992); the variance of unit
+weight follows the residuals (Baarda 1968).
 """
 
 from __future__ import annotations
@@ -18,21 +21,34 @@ from textile_twin_core.compiling import by_reference, compiled_in_place
 from textile_twin_core.shaft import layout
 from textile_twin_core.shaft.clock import add_ripple_covariance, add_spread, copy_numbers, shaft_state, wave_at
 from textile_twin_core.shaft.constants import (
+    BOUND,
     BURST,
+    CLIP,
+    CLIPPED,
+    DELAY,
     FAR,
     FAR_OFF,
+    FINEST_MOTION,
     HALF_JERK,
     LAST_JERK,
+    LEAST_REDUNDANCY,
+    LONGEST,
+    MOST_CORRELATED,
     MOST_PASSES,
+    PRIOR_WEIGHT,
     REVOKED_NEARER,
     ROBUST,
     ROUNDED,
+    SCALE_SAMPLES,
+    SHORTEST,
+    STEADY,
     SURELY_FAR,
+    WIDEST_WINDOW,
+    WINDOW_FREEDOM,
 )
 from textile_twin_core.shaft.filter import put_angle
 from textile_twin_core.shaft.kalman import innovate, measurement_update, time_update
 from textile_twin_core.shaft.outlier_gate import predicted_angle, set_start
-from textile_twin_core.shaft.process_noise import adapt_intensities, set_initial_intensities
 from textile_twin_core.shaft.residual_orders import add_systematic
 from textile_twin_core.shaft.ripple import set_sensitivity
 from textile_twin_core.shaft.settings import ShaftSettings
@@ -301,3 +317,103 @@ def _write_state(smoother: Smoother, row: FilterRow, noise: float) -> None:
     add_spread(s, wave.slopes, bank.filters.scale[layout.SMOOTHER], row.covariance)
     add_systematic(row, 1.0)
     put_angle(row, theta)
+
+
+@compiled_in_place
+def set_initial_intensities(rows: Records, model: int) -> None:
+    """Raise each row's intensity [rad^2/s^5] to r / (N^6 T^5), N the model's memory there (see `filter_bank`).
+
+    A filter detects a change some samples late, later with a longer memory. N is therefore the shortest memory within
+    that delay ahead, and within the shortest delay behind.
+    """
+    noise, shortest, oldest, newest, behind, ahead = rows[0].unit, 0, 0, 0, 0.0, 0.0
+    for i in range(rows.size):
+        if rows[i].noise > 0.0:
+            noise = rows[i].noise
+        if i > 0:
+            behind += 1.0 / max(rows[i].correlated, 1.0)
+            ahead -= _independent(rows[i], model)
+        while newest + 1 < rows.size and ahead < DELAY:
+            newest += 1
+            ahead += _independent(rows[newest], model)
+            if rows[newest].memory[model] <= rows[shortest].memory[model]:
+                shortest = newest
+        while behind > DELAY:
+            oldest += 1
+            behind -= 1.0 / max(rows[oldest].correlated, 1.0)
+        if shortest < oldest:
+            shortest = oldest
+            for j in range(oldest, newest + 1):
+                if rows[j].memory[model] <= rows[shortest].memory[model]:
+                    shortest = j
+        expected = max(noise, FINEST_MOTION) / (math.exp(6.0 * rows[shortest].memory[model]) * rows[i].interval ** 5)
+        rows[i].intensity = max(rows[i].intensity, expected)
+
+
+@compiled_in_place
+def _independent(row: FilterRow, model: int) -> float:
+    """Return the number of independent samples that a row counts for, at most 1."""
+    return float(1.0 / max(row.correlated, min(math.exp(row.memory[model]) / STEADY, MOST_CORRELATED), 1.0))
+
+
+@compiled_in_place
+def adapt_intensities(rows: Records, least: float) -> float:
+    """Scale each row's intensity by the smoothed jerk's mean square over its expectation, in a window around the row.
+
+    The expectation is the variance that the measurements removed (MacKay 1992): the ratio is 1 where the intensity is
+    right. Changes by less than the factor `least` are not made. `jerk` (2,) of each row becomes the sums of both up to
+    it. Returns the factor of the largest change.
+    """
+    count, noise, half, largest = rows.size, rows[0].unit, 2, 1.0
+    rows[0].jerk[0] = rows[0].jerk[1] = 0.0
+    for i in range(1, count):
+        rows[i].jerk[0] += rows[i - 1].jerk[0]
+        rows[i].jerk[1] += rows[i - 1].jerk[1]
+    for i in range(count):
+        if rows[i].noise > 0.0:
+            noise = rows[i].noise
+        unit = max(noise, FINEST_MOTION) / rows[i].interval ** 5
+        half = max(half - half // 3, 2)
+        before, last = max(i - half - 1, 0), min(i + half, count - 1)
+        while rows[last].jerk[1] - rows[before].jerk[1] < WINDOW_FREEDOM and half < min(WIDEST_WINDOW, count):
+            half += half // 2
+            before, last = max(i - half - 1, 0), min(i + half, count - 1)
+        found = rows[last].jerk[0] - rows[before].jerk[0] + PRIOR_WEIGHT
+        expected = rows[last].jerk[1] - rows[before].jerk[1] + PRIOR_WEIGHT
+        change = min(max(found / expected, 1e-3), 1e3)
+        if max(change, 1.0 / change) < least:
+            continue
+        largest = max(largest, change, 1.0 / change)
+        rows[i].intensity = min(max(rows[i].intensity * change, unit / LONGEST**6), unit / SHORTEST**6)
+    return largest
+
+
+@compiled_in_place
+def _weigh_residual(weight: FloatArray, row: FilterRow) -> float:
+    """Update `weight` (2,), the factor and its redundancy, with a smoothed row's residual; return the factor."""
+    if row.noise > 0.0 and row.residual != 0.0 and abs(row.speed) * row.step > 3.0 * math.sqrt(row.noise):
+        redundancy = max(1.0 - (row.covariance[0] - row.systematic[0]) / row.noise, LEAST_REDUNDANCY)
+        found = min(row.residual * row.residual / (row.noise * redundancy), CLIP * weight[0]) / CLIPPED
+        weight[1] = min(weight[1] + redundancy, SCALE_SAMPLES)
+        weight[0] += redundancy / weight[1] * (found - weight[0])
+        weight[0] = min(max(weight[0], 1.0 / BOUND), BOUND)
+    return float(weight[0])
+
+
+@compiled_in_place
+def scale_covariances(weight: FloatArray, rows: Records) -> None:
+    """Multiply the covariances of smoothed rows by the current factor, except the part that no residual shows.
+
+    `weight` (2,) starts as FIRST_WEIGHT.
+    """
+    for k in range(rows.size):
+        factor = _weigh_residual(weight, rows[k])
+        for i in range(9):
+            rows[k].covariance[i] *= factor
+        add_systematic(rows[k], 1.0 - factor)
+
+
+def adopt_weight(record: Records, weight: FloatArray) -> None:
+    """Scale the estimated jitter of the stamps by the factor from the residuals of a whole record."""
+    if record["noise"]["jitter_configured"][0] == 0.0:
+        record["noise"]["jitter"] *= weight[0]

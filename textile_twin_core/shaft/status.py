@@ -293,7 +293,7 @@ class FilterRow(State):
     clock: float  # reading of the clock ..
     residual: float  # .. and the same less the smoothed one
     intensity: float  # of the process noise [rad^2/s^5]
-    jerk: Annotated[FloatArray, (2,)]  # see `process_noise`
+    jerk: Annotated[FloatArray, (2,)]  # see `rts_smoother`
     memory: _ByModel  # each model's mean log memory
     systematic: Annotated[FloatArray, (3,)]  # variances that no residual shows, see `residual_orders`
 

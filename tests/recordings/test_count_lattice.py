@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from textile_twin_core.arrays import FloatArray
+from textile_twin_core.recordings.count_lattice import count_lattice
 from textile_twin_core.shaft import create_estimator
-from textile_twin_core.shaft.count_lattice import count_lattice
 
 TURN = 2.0 * np.pi
 UNITS = {"degrees": 360.0, "turns": 1.0, "gon": 400.0, "radians": TURN}
