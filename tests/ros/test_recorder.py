@@ -327,8 +327,8 @@ def test_a_topic_whose_definition_is_not_found_is_left_out(suite: Suite, monkeyp
             raise RecordingError(f"message type {msgtype}: no definition found")
         return message_schema(msgtype)
 
-    for module in ("schemas", "bag_write"):
-        monkeypatch.setattr(f"textile_twin_core.recordings.{module}.message_schema", found)
+    for module in ("textile_twin_ros.topic_subscriptions", "textile_twin_core.recordings.bag_write"):
+        monkeypatch.setattr(f"{module}.message_schema", found)
     node = suite.node()
     publishers = [node.create_publisher(kind, name, RELIABLE) for kind, name in ((Float64, "odd"), (String, "words"))]
     suite.spin_until(lambda: all(node.count_publishers(each.topic_name) for each in publishers), "the publishers")

@@ -32,6 +32,7 @@ from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 
 from textile_twin_core.errors import RecordingError, SceneError
+from textile_twin_core.recordings.schemas import message_schema
 from textile_twin_ros.endpoints import (
     describe_publishers,
     offered_qos,
@@ -173,9 +174,6 @@ class TopicSubscriptions:
         return topic_name(self._node, topic, "types"), msgtype
 
     def _subscribe(self, topic: str, msgtype: str) -> None:
-        # Optional packages are imported where they are used, so that a missing one gives one line.
-        from textile_twin_core.recordings.schemas import message_schema
-
         try:
             message_type = message_class(msgtype)
             message_schema(msgtype)  # one topic whose definition is not found must not end the recording of the others
