@@ -31,6 +31,7 @@ from textile_twin_core.inference.parameter import (
     COULOMB,
     DELAY,
     DRIFT,
+    FILTERS,
     GAIN,
     HIGH_PASS,
     OFFSET,
@@ -85,6 +86,11 @@ class Posterior:
     def departing(self) -> Departures:
         """Names of the parameters that depart from the file."""
         return self.choice.departing
+
+    @property
+    def plain(self) -> Departures:
+        """Departures but those of bodies and links, which could imitate a filter of the torque."""
+        return frozenset(name for name in self.departing if self.parameter(name).kind not in OF_BODIES)
 
     @property
     def hypothesis(self) -> Hypothesis:
@@ -168,7 +174,11 @@ def infer(
         # without the mean of the torque no hypothesis of the others need be near
         blocked = replace(configured, filters=configured.filters | {HIGH_PASS})
         fits = hypotheses(dense_measurement, blocked, ratios)
-        if fits and (found is None or 1.0 - fits[0].explained < _CLEARLY * (1.0 - found.explained)):
+        if fits and (
+            found is None
+            or found.plain != found.departing
+            or 1.0 - fits[0].explained < _CLEARLY * (1.0 - found.explained)
+        ):
             other = _searched(dense_measurement, blocked, fits)
             found = other if found is None or other is None else _likelier(found, other)
     return None if found is None else _with_filters(found, dense_measurement)
@@ -206,7 +216,7 @@ def _with_filters(found: Posterior, measurement: Measurement) -> Posterior:
     """
     for _ in range(_MOST_FILTERS):
         best, log_evidence = None, -math.inf
-        plain = frozenset(name for name in found.departing if found.parameter(name).kind not in OF_BODIES)
+        plain = found.plain
         fit = found.fit
         if plain != found.departing:
             x = fit.x.copy()
@@ -214,10 +224,10 @@ def _with_filters(found: Posterior, measurement: Measurement) -> Posterior:
             x[moved] = measurement.nominal[moved]
             fit = wide_fit(measurement, found.hypothesis, x, plain, relinearise=True)
         # tolerances of the bodies can absorb most of a filter, so that the residual shows it no more
-        hopeful = HOPEFUL if plain == found.departing else math.inf
+        hopeful, most = (HOPEFUL, _FITTED_FILTERS) if plain == found.departing else (math.inf, len(FILTERS))
         likely = likely_filters(measurement.linearised(fit.x, plain), fit, hopeful)
         start = fit.x
-        for name, value, late in likely[:_FITTED_FILTERS]:
+        for name, value, late in likely[:most]:
             x = start.copy()
             x[measurement.place[name]] = value
             x[measurement.place[DELAY]] += late
