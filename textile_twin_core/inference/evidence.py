@@ -154,7 +154,7 @@ def choose(measurement: Measurement, fit: Fit, inflation: float, start: Collecti
     always = undeclared_filters(measurement, fit)
     absent = set(FILTERS) - fit.hypothesis.filters | hidden_by_motion(measurement, fit)
     if HIGH_PASS in always:  # first the mean has to be in the record: its change over a run-up looks like a body's
-        absent |= {p.name for p in measurement.parameters if p.kind in OF_BODIES}
+        absent |= {p.name for p in measurement.parameters if p.kind in (*OF_BODIES, "rotor")}
     names = tuple(p.name for p in measurement.parameters if p.may_depart and p.name not in absent)
     start = always.union(start)
     evidence = QuadraticEvidence(measurement, fit, inflation)
