@@ -78,6 +78,10 @@ _MISSED: Final = 0.005
 """Miss of a straight line between two knots, over the peak, above which there are twice as many."""
 _TURN: Final = 2.0 * math.pi
 _ROUNDS, _SETTLING, _REFINED = 4, 2, 1
+_EXPLAINED: Final = 0.98
+"""Share of the torque that a first fit explains which needs no other start."""
+_WORKING_SAMPLES: Final = 6000
+"""Samples of all fits but the last."""
 _BENT: Final = 8.0
 """Second difference of the forces over the miss of a straight line between their knots, of a smooth law."""
 _SENSORS: Final = (ZERO, DELAY, GAIN, OFFSET, COULOMB, VISCOUS)
@@ -412,6 +416,8 @@ class _Law:
                 fit, _ = self._tuned(fit)
                 fit = map_fit(self.m, hypothesis, fit.x, departing, iterations=10)
             fits.append((fit.rms, len(fits), fit, departing, self.hyper))
+            if fit.explained > _EXPLAINED:
+                break
         *_, self.fit, self.departing, self.hyper = min(fits, key=lambda each: each[:2])
         self.hypothesis = self.fit.hypothesis
         self._renew(self.record)
@@ -454,27 +460,38 @@ class _Law:
 
     def finish(self, record: Record) -> CurvePosterior:
         """Fit all samples, with finer knots where the law bends between them, and choose the departures."""
-        self._renew(record)
+        some = record if record.block_s else record.thinned(_WORKING_SAMPLES)
+        self._renew(some)
         fit = map_fit(self.m, self.hypothesis, self.fit.x, self.departing, iterations=10)
         for _ in range(_REFINED):
             if self._bends(fit) and _count_of(record, self.knots.size):
-                fit, _ = self._tuned(self._refined(fit, record))
+                fit, _ = self._tuned(self._refined(fit, some))
         # Samples beside an edge enter last: while the zero is off by more than their spread, they hold it there.
         self.model.spread_rad = _FINE_RAD
         for _ in range(_ROUNDS):
-            fit, moved = self._tuned(fit)
-            self.model.expect_bends(fit.x[len(self.known) :])
-            chosen = self._departures(fit)
-            fit = wide_fit(self.m, self.hypothesis, fit.x, chosen, iterations=15, relinearise=True)
-            if chosen == self.departing and not moved:
+            fit, same = self._round(fit)
+            if same:
                 break
-            self.departing = chosen
+        if some is not record:
+            self._renew(record)
+            fit = map_fit(self.m, self.hypothesis, fit.x, self.departing, iterations=3)
+            fit, _ = self._round(fit)
         value = QuadraticEvidence(self.m, fit, fit.inflation)(self.departing) + fit.log_likelihood
         choice = Choice(self.departing, value, tuple(self.choice.rivals))
         posterior = Posterior(
             self.m.linearised(fit.x, self.departing), self.plain.configured, fit, choice, value, self.plain.others
         )
         return CurvePosterior(posterior, learned(posterior))
+
+    def _round(self, fit: Fit) -> tuple[Fit, bool]:
+        """Tune the prior, choose the departures and fit again; return the fit, and whether these are as before."""
+        fit, moved = self._tuned(fit)
+        self.model.expect_bends(fit.x[len(self.known) :])
+        chosen = self._departures(fit)
+        fit = wide_fit(self.m, self.hypothesis, fit.x, chosen, iterations=15, relinearise=True)
+        same = chosen == self.departing and not moved
+        self.departing = chosen
+        return fit, same
 
     def _bends(self, fit: Fit) -> bool:
         """Return whether a straight line between the knots misses the law by much."""

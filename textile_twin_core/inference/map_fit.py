@@ -210,8 +210,10 @@ def weigh(
         # averages over a step of the load scatter more but count in full: no robust scale there
         scale = float(np.sqrt(np.mean(residual**2))) if record.block_s else robust_scale(residual)
     weight = huber_weights(residual, scale) * own
-    information = (slopes * weight[:, None]).T @ slopes / scale**2
-    gradient = (slopes * weight[:, None]).T @ residual / scale**2
+    root = np.sqrt(weight)
+    scaled = slopes * root[:, None]
+    information = scaled.T @ scaled / scale**2
+    gradient = scaled.T @ (root * residual) / scale**2
     standing, standing_slopes = measurement.at_standstill(hypothesis, x, slopes=True)
     assert standing_slopes is not None
     weighted = standing_slopes * huber_weights(standing, 1.0)[:, None]
