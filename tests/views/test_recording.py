@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,12 @@ import rerun.chunk
 
 from tests.views.conftest import START_NS, Run, rows_of, scalars_of
 from textile_twin_core.comparison import compare_torque
+from textile_twin_core.dynamics.loads import ForceCurve
 from textile_twin_core.errors import OutputError
+from textile_twin_core.inference.force_law import LearnedCurve
+from textile_twin_core.machines import tufting
 from textile_twin_core.views import write_comparison_recording
+from textile_twin_core.views.force_law_plot import ForceLawPlot
 from textile_twin_core.views.recording import limit_of
 
 
@@ -143,3 +148,31 @@ def test_no_prediction_is_drawn_over_a_gap(run: Run, tmp_path: Path) -> None:
     np.testing.assert_allclose(
         times[np.isnan(predicted)] - comparison.fit.delay_s, [1199.5 * 2e-3, 1399.5 * 2e-3], atol=1e-6
     )
+
+
+def test_the_force_law_is_drawn_with_its_bands_and_the_machine_moves_along_it(run: Run, tmp_path: Path) -> None:
+    """The point is at the depth of the needle by the loop closure's range, and on the curve of its way."""
+    knots = np.linspace(0.5578, 0.5742, 15)
+    down, up = 600.0 + 400.0 * np.exp(-(((knots - knots[3]) / 0.002) ** 2)), np.full(knots.size, 270.0)
+    law = LearnedCurve("backing", "needle_position_m", knots, down, up, 400.0 * np.eye(2 * knots.size), 0, 16.755)
+    comparison = replace(run.comparison, curves={"backing": law})
+    path = write_comparison_recording(tmp_path / "law.rrd", comparison, run.machine, title="law")
+    plot = ForceLawPlot.of(run.machine, comparison.curves)
+    assert plot is not None
+    _, points = rows_of(path, "/force_law/now", "Points2D:positions")
+    x, y = np.array([point[0] for point in points]).T
+    zero = float(plot.canvas.y(np.zeros(1))[0])
+    reached = plot.canvas.y(np.array([down.max(), 270.0]))
+    assert np.isclose(y, reached[1], atol=0.01).sum() > 100  # on the way out
+    assert y.min() == pytest.approx(reached[0], abs=0.02 * plot.canvas.height)  # the peak of the way in
+    assert np.isclose(y, zero, atol=0.01).sum() > 100 and x.min() >= 0.0 and x.max() <= plot.canvas.width
+
+
+def test_a_force_curve_of_the_file_is_drawn_without_a_band() -> None:
+    knots = (0.558, 0.562, 0.574)
+    curve = ForceCurve("needles", "needle_position_m", knots, (300.0, 900.0, 500.0), (200.0, 200.0, 200.0))
+    machine = replace(tufting(), loads=(curve,))
+    plot = ForceLawPlot.of(machine, {})
+    assert plot is not None and plot.title == "Force of needles [N over mm]"
+    assert plot.canvas.high > 900.0
+    assert ForceLawPlot.of(replace(machine, loads=()), {}) is None

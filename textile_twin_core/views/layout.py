@@ -37,6 +37,7 @@ class Layout:
         history: The same as text.
         residual_title: Title of the residual plot.
         width: All linkages of a machine with an elastic shaft.
+        force_law: Title and canvas of the force over a measure; None without a force law.
     """
 
     machine: str
@@ -52,6 +53,7 @@ class Layout:
     history: str
     residual_title: str
     width: WholeWidth | None = None
+    force_law: tuple[str, AngleCanvas] | None = None
 
     def blueprint(self) -> rrb.Blueprint:
         """Return the layout as a blueprint of the viewer."""
@@ -65,13 +67,17 @@ class Layout:
     def _torque_plots(self) -> rrb.Vertical:
         """Arrange measured beside predicted torque."""
         assert self.torque is not None and self.residual is not None
+        law = (
+            [] if self.force_law is None else [self._angle_view(self.force_law[0], "force_law", self.force_law[1], {})]
+        )
         over_angle = rrb.Horizontal(
             self._angle_view(
                 f"Torque over shaft angle, {self.history} [N m]", "angle", self.torque, self._visible_turns()
             ),
             self._angle_view("Residual by shaft angle: mean, spread, extremes [N m]", "by_angle", self.residual, {}),
+            *law,
             self._summary(),
-            column_shares=[1.25, 1.0, 0.92],
+            column_shares=[1.25, 1.0, *(1.0 for _ in law), 0.92],
         )
         return rrb.Vertical(
             self._series("Torque on the main shaft, predicted as its sensor shows it [N m]", "torque", legend=True),

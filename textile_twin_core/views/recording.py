@@ -15,6 +15,7 @@ from textile_twin_core.files.atomic import staged
 from textile_twin_core.views import static_scene
 from textile_twin_core.views.angle_canvas import RESIDUAL_SIZE, TORQUE_SIZE, AngleCanvas, canvas_for
 from textile_twin_core.views.drawable import drawable
+from textile_twin_core.views.force_law_plot import ForceLawPlot
 from textile_twin_core.views.layout import Layout
 from textile_twin_core.views.measure_curves import marks_for, phase_rows_for
 from textile_twin_core.views.phases import Direction, inside_backing, state_changes
@@ -84,6 +85,7 @@ def _write(
     inside = inside_backing(phase_rows)
     torque_canvas, residual_canvas = _canvases(comparison)
     period = turn_s(predicted_s, theta)
+    law = ForceLawPlot.of(machine, comparison.curves)
     layout = Layout(
         machine=drawable(machine.name),
         scene=scene,
@@ -98,6 +100,7 @@ def _write(
         history=f"last {_TURNS} turns",
         residual_title=f"Residual = measured - predicted [N m], limit {limit:.2f}",
         width=width,
+        force_law=None if law is None else (law.title, law.canvas),
     )
 
     stream = rr.RecordingStream(APPLICATION, recording_id=f"{drawable(machine.name)}-{origin}")
@@ -112,6 +115,8 @@ def _write(
         static_scene.style_phases(stream, phase_rows)
         static_scene.draw_canvas(stream, "angle", torque_canvas, marks, inside)
         static_scene.draw_canvas(stream, "by_angle", residual_canvas, marks, inside)
+        if law is not None:
+            law.draw(stream)
         writer.summary(summary_markdown(comparison, title, limit))
 
         step = max(1, int(predicted_s.size / max(predicted_s[-1] * _FRAME_RATE_HZ, 1.0)))
@@ -124,6 +129,8 @@ def _write(
                 writer.whole_width(times[shown_at[part]], width, stations[1][shown_at[part]])
         for part in blocks(frames.size if width is None else 0):
             writer.motion(predicted_s[frames[part]], positions(theta[frames[part]]))
+        if law is not None:
+            law.follow(stream, predicted_s[frames], theta[frames])
         # Apply the sensor model, so that both curves and the residual refer to the same instant.
         shown = comparison.predicted_reading_Nm
         sigma = abs(comparison.sensor_gain) * comparison.predicted_sigma_Nm
