@@ -93,7 +93,7 @@ class ForceLawPlot:
                 comb = [[(a, b), (a, c)] for a, b, c in zip(x, y(force - half), y(force + half), strict=True)]
                 self._lines(stream, f"band_{way}", comb, 0.5 * width / _PLACES, [palette.dim(colour, 0.3)], -10.0)
             self._lines(stream, way, [np.column_stack([x, y(force)])], -1.1, [colour], 1.0)
-            at = int(np.argmax(np.abs(force))) if way == "in" else _PLACES // 2
+            at = min(int(np.argmax(np.abs(force))), _PLACES * 3 // 4) if way == "in" else _PLACES // 2
             name = rr.Points2D([(x[at], y(force)[at])], radii=[0.0], labels=[f"way {way}"], colors=[colour])
             stream.log(f"{ORIGIN}/name_{way}", name, static=True)
         now = rr.Points2D.from_fields(colors=[palette.NOW], radii=[-5.0], draw_order=50.0)
