@@ -249,10 +249,10 @@ def test_mistakes_of_the_caller_are_named() -> None:
     with pytest.raises(SceneError, match="unknown shaft estimator 'kalman': choose one of causal, lag, smooth"):
         create_estimator("kalman")
     with pytest.raises(
-        SceneError, match=r"'causal' has no setting 'shaft_lag'; there are: encoder_bits, .*, period_rad, reading_at$"
+        SceneError, match=r"'causal' has no setting 'shaft_lag'; available: encoder_bits, .*, period_rad, reading_at$"
     ):
         create_estimator("causal", shaft_lag=1)
-    with pytest.raises(SceneError, match=r"'lag' has no setting 'shaft_lag'; there are: .*, shaft_lag_s$"):
+    with pytest.raises(SceneError, match=r"'lag' has no setting 'shaft_lag'; available: .*, shaft_lag_s$"):
         create_estimator("lag", shaft_lag=1)
     with pytest.raises(SceneError, match="positive"):
         create_estimator("lag", shaft_lag_s=0.0)

@@ -376,7 +376,7 @@ def _zero_or_delay(found: Judged, name: str) -> Cause:
         return _plain_zero(found)
     text = (
         f"zero or delay: {math.degrees(zero):+.1f} deg or {delay * 1e3:.1f} ms{_or_inertia(found, delay)};"
-        " the shaft turns at one speed here, a recording with a run-up would tell"
+        " the shaft turns at one speed here, a recording with a run-up would resolve it"
     )
     return Cause(
         "zero_or_delay", text, {"zero_rad": zero, "delay_s": delay}, sigma, name, tuple({ZERO, DELAY} - {name})
@@ -457,7 +457,7 @@ def _friction(found: Judged) -> Cause:
     if torque >= 0.0:
         text = f"friction of {torque:.2g} +- {sigma:.1g} N m at working speed is not in the model"
         if summed:
-            text += " (or an offset of the torque sensor: a recording with the shaft at rest would tell)"
+            text += " (or an offset of the torque sensor: a recording with a standstill would resolve it)"
     else:
         text = f"the model has {-torque:.2g} +- {sigma:.1g} N m more friction at working speed than the machine"
     name = VISCOUS if VISCOUS in p.departing and COULOMB not in p.departing else COULOMB

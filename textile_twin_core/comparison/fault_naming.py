@@ -192,7 +192,7 @@ def alarm_text(
         "noise": f"torque sensor: {math.exp(min(size, 20.0)):.2g} times as much noise as learnt",
         "profile": f"drive side: a torque that the model does not know, most at {angle:.0f} deg",
         "dropout": "torque sensor: samples are missing",
-        "stuck": "torque sensor: its value stands still",
+        "stuck": "torque sensor: its value is frozen",
     }[name]
     if speed_known or kind in OF_SAMPLES:
         return name, text

@@ -159,7 +159,7 @@ def _text(curve: LearnedCurve, machine: Machine) -> str:
 
 
 def notes_of(curve: LearnedCurve, posterior: Posterior, fit: Fit, machine: Machine) -> tuple[str, ...]:
-    """Say where a law is not determined, and which recording would tell."""
+    """Say where a law is not determined, and which recording would resolve it."""
     notes = []
     for way, growing in (("in", True), ("out", False)):
         lost = np.flatnonzero(curve.undetermined(growing))
@@ -167,7 +167,7 @@ def notes_of(curve: LearnedCurve, posterior: Posterior, fit: Fit, machine: Machi
             low, high = curve.knots[run[0]], curve.knots[run[-1]]
             notes.append(
                 f"{curve.name}: the force on the way {way} is not determined from {low:.5g} to {high:.5g} m of"
-                f" {curve.measure}, where it hardly moves with the shaft or steps: a longer recording would tell"
+                f" {curve.measure}, where it hardly moves with the shaft or steps: a longer recording would resolve it"
             )
     m = posterior.measurement
     force = np.concatenate([curve.in_N, curve.out_N])
@@ -179,12 +179,12 @@ def notes_of(curve: LearnedCurve, posterior: Posterior, fit: Fit, machine: Machi
         notes.append(
             f"{curve.name}: gain of the torque sensor and a scale of the whole curve are not distinguishable beyond"
             f" {100.0 * scale:.0f} %: a recording at another speed, whose inertia torque is known, or of the machine"
-            " without cloth would tell"
+            " without cloth would resolve it"
         )
     if m.record.one_speed:
         notes.append(
             f"{curve.name}: at one speed zero and delay are not distinguishable, nor a force that grows with the speed:"
-            " a recording with a run-up would tell"
+            " a recording with a run-up would resolve it"
         )
     if len(machine.linkages) > 1:
         notes.append(

@@ -219,7 +219,7 @@ def with_table(machine: Machine, torque: UnmodelledTorque) -> Machine:
     """
     if torque.cycle_turns > 1:
         raise RecordingError(
-            f"the torque that nobody modelled lasts {torque.cycle_turns} turns, and a machine's table lasts one: take"
+            f"the unmodelled torque lasts {torque.cycle_turns} turns, and a machine's table lasts one: take"
             " it from the JSON"
         )
     table = TorqueTable(tuple(torque.angle_rad.tolist()), tuple((-torque.torque_Nm).tolist()))

@@ -190,7 +190,7 @@ def place_of(machine: Machine, name: str) -> tuple[Place, Machine]:
         low, high = measured_range(machine, asked)
         return Place(asked.removesuffix(POSITION), asked, low, high, False, 0.0), machine
     there = [*(load_name(load) for load in machine.loads if measure_of(load)), *measures]
-    raise MachineError(f"no load or measure '{name}' to learn a force of; there are: {', '.join(there) or 'none'}")
+    raise MachineError(f"no load or measure '{name}' to learn a force of; available: {', '.join(there) or 'none'}")
 
 
 def load_name(load: Load) -> str:

@@ -44,7 +44,7 @@ def create_estimator(name: str, **settings: Any) -> ShaftEstimator:
     known = [field.name for field in fields(ShaftSettings)] + ["shaft_lag_s"] * (name == "lag")
     for setting in settings:
         if setting not in known:
-            raise SceneError(f"shaft estimator '{name}' has no setting '{setting}'; there are: {', '.join(known)}")
+            raise SceneError(f"shaft estimator '{name}' has no setting '{setting}'; available: {', '.join(known)}")
     try:
         estimator: ShaftEstimator = _VIEWS[name](**settings)
     except TypeError as error:

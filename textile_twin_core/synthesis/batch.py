@@ -13,6 +13,8 @@ from textile_twin_core.synthesis.design_chart import DesignChart, Turn, result_n
 from textile_twin_core.synthesis.family import Family
 
 SAMPLES = 180
+_CHARTS = 16
+"""Charts that are kept for the next evaluation."""
 
 
 class Batch:
@@ -77,6 +79,7 @@ class Batch:
         columns = {name: np.broadcast_to(np.asarray(v, dtype=np.float64), count) for name, v in values.items()}
         found = {name: np.full(count, np.nan) for name in names}
         pending, tried, charts = np.arange(count), 0, self._charts_of(frozenset(values))
+        del charts[_CHARTS:]
         while pending.size:
             is_new = tried == len(charts)
             if is_new:
