@@ -15,7 +15,7 @@ from tests.generators.mill_recordings import Case, healthy, record
 from tests.generators.wrong_files import off_within_tolerances, wrong_files
 from textile_twin_core.comparison import Estimate, Readings, assess, calibrate
 from textile_twin_core.comparison.assessment import Judged
-from textile_twin_core.inference.map_fit import prior_variance, wide_fit
+from textile_twin_core.inference.map_fit import fit_with_prior_update, prior_variance
 
 SENSORS = ("encoder_", "torque_", "delay", "zero_or_delay", "clocks_drift", "angle_")
 ABOVE_NATS = 10.0
@@ -37,13 +37,13 @@ def gained_nats(found: Judged, path: str) -> float:
     p = found.posterior
     m, hypothesis, inflation, scale = p.measurement, p.hypothesis, p.fit.inflation, p.fit.scale
 
-    def log_posterior(departing: tuple[str, ...]) -> float:
+    def log_posterior(off_nominal: tuple[str, ...]) -> float:
         fits = [
-            wide_fit(m, hypothesis, x, departing, inflation=inflation, scale=scale, relinearise=True)
+            fit_with_prior_update(m, hypothesis, x, off_nominal, inflation=inflation, scale=scale, relinearise=True)
             for x in (m.nominal.copy(), p.fit.x)
         ]
         return max(
-            fit.log_likelihood - 0.5 * float(np.sum((fit.x - m.nominal) ** 2 / prior_variance(m, departing, fit.x)))
+            fit.log_likelihood - 0.5 * float(np.sum((fit.x - m.nominal) ** 2 / prior_variance(m, off_nominal, fit.x)))
             for fit in fits
         )
 

@@ -152,11 +152,11 @@ def test_both_routes_with_a_spring_and_a_dyad_on_the_end_of_the_follower(kind: s
     group, points = KINDS[kind], POINTS | {"G": (0.35, 0.2)}
     rod = RRRDyad("rod", "lever", "B", "G", "E", (0.35, 0.3))
     bodies = (Body("f", 1.3, 2e-3, (0.4, 0.1)), Body("rod", 0.8, 1e-3), Body("lever", 0.5, 1e-3))
-    hung = ttc.Machine("cam", points, (group, rod), bodies, (Spring("B", "G", 400.0, 0.1),))
+    mounted = ttc.Machine("cam", points, (group, rod), bodies, (Spring("B", "G", 400.0, 0.1),))
     names = ["balancing_torque_Nm", "balancing_torque_newton_euler_Nm"]
-    one, two = ttc.compile(hung, names, method="exact").evaluate(THETA, 30.0, 200.0).values()
+    one, two = ttc.compile(mounted, names, method="exact").evaluate(THETA, 30.0, 200.0).values()
     assert np.abs(one - two).max() < 1e-12 * np.abs(one).max()
-    assert '<joint name="rod"' in hung.urdf()
+    assert '<joint name="rod"' in mounted.urdf()
 
 
 @pytest.mark.parametrize("kind", CONJUGATE)

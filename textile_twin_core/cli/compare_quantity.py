@@ -86,7 +86,7 @@ def _rows(found: QuantityComparison) -> list[tuple[str, str]]:
         ("shaft speed, usual", f"{found.speed_rad_s * 30.0 / math.pi:.1f} rpm"),
         ("range over a turn, measured", f"{found.measured_range * factor:.3f} {unit}".rstrip()),
         ("range over a turn, machine", f"{found.machine_range * factor:.3f} {unit}".rstrip()),
-        ("RMS error as configured", f"{found.rms_as_told * factor:.4g} {unit}".rstrip()),
+        ("RMS error as configured", f"{found.rms_configured * factor:.4g} {unit}".rstrip()),
         ("RMS error after fit", f"{found.rms * factor:.4g} {unit}".rstrip()),
         ("explained", f"{found.explained:.4%}"),
     ]

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from textile_twin_core.comparison.readings import Readings
     from textile_twin_core.comparison.result import Comparison, ComparisonEvent, SampleCount
     from textile_twin_core.comparison.statistics import ErrorStatistics
-    from textile_twin_core.comparison.summary import is_as_told, summary_rows, verdict_lines
+    from textile_twin_core.comparison.summary import agrees_with_file, summary_rows, verdict_lines
     from textile_twin_core.comparison.uncertainty import Estimate
 
 __all__ = [
@@ -36,11 +36,11 @@ __all__ = [
     "RunningAngleBins",
     "SampleCount",
     "SensorFit",
+    "agrees_with_file",
     "assess",
     "calibrate",
     "compare_torque",
     "identify",
-    "is_as_told",
     "summary_rows",
     "verdict_lines",
     "with_table",
@@ -69,7 +69,7 @@ __getattr__ = names_of(
         "calibrate": "calibration",
         "compare_torque": "compare",
         "identify": "identification",
-        "is_as_told": "summary",
+        "agrees_with_file": "summary",
         "summary_rows": "summary",
         "verdict_lines": "summary",
         "with_table": "identified_machine",

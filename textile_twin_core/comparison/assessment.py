@@ -139,7 +139,7 @@ def _assess(readings: Readings, machine: Machine, track: ShaftTrack | None) -> A
         evidence = evidence_of(readings, track, terms, origin, machine.sensors.encoder, unit)
     else:
         evidence = gather(readings, machine, terms, unit)
-    reason = nothing_to_tell(evidence)
+    reason = unusable_reason(evidence)
     if reason:
         return Assessment(unit, None, (), (reason,))
     twisting = elastic_hypothesis(evidence, machine, configured_settings(machine))
@@ -406,7 +406,7 @@ def _settled(part: ShaftTrack, track: ShaftTrack) -> ShaftTrack:
     return part.between(float(times[0]), float(times[-1])) if times.size else part
 
 
-def nothing_to_tell(evidence: Evidence) -> str:
+def unusable_reason(evidence: Evidence) -> str:
     """Reason why a recording determines no sensor setting, empty when it does."""
     track = evidence.track
     if track.turns < FEWEST_TURNS:
@@ -441,7 +441,7 @@ def _other_unit(
     for name, turn in OTHER_UNITS:
         unit = AngleUnit(name, turn, wrapped=False)
         evidence = gather(readings, machine, terms, unit)
-        if nothing_to_tell(evidence) or not _PLAUSIBLE_RAD_S[0] < abs(evidence.working_speed()) < _PLAUSIBLE_RAD_S[1]:
+        if unusable_reason(evidence) or not _PLAUSIBLE_RAD_S[0] < abs(evidence.working_speed()) < _PLAUSIBLE_RAD_S[1]:
             continue
         found = _judged(readings, machine, terms, unit, evidence)
         if found is not None and (best[1] is None or 1.0 - found.explained < 0.5 * (1.0 - best[1].explained)):

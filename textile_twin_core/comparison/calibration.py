@@ -118,11 +118,11 @@ class Calibration:
 
 def _fit_of(found: Judged, machine: Machine) -> tuple[frozenset[str], float, float, float]:
     """Return the parameters to write, and the RMS error as configured, with these alone, and with all estimates."""
-    chain = frozenset(found.posterior.measurement.departing_chain(found.posterior.departing))
+    chain = frozenset(found.posterior.measurement.off_nominal_chain(found.posterior.off_nominal))
     written = chain.union(_CONTINUOUS)
     before, after, beside = _rms(found, hypothesis_of(machine)), _rms(found, None, written), _rms(found, None)
     if not after <= before:  # estimates within their intervals fit beside friction and loads that the file has not
-        written = chain | found.posterior.departing.intersection(_CONTINUOUS)
+        written = chain | found.posterior.off_nominal.intersection(_CONTINUOUS)
         after = _rms(found, None, written)
     return written, before, after, beside
 
@@ -199,7 +199,7 @@ def calibrate(readings: Readings, machine: Machine, begin: Begin = unheard) -> C
     hypothesis = found.posterior.hypothesis
     turned = s.direction * machine.sensors.encoder.ratio * found.ratio
     m = found.posterior.measurement
-    chain = frozenset(m.departing_chain(found.posterior.departing))
+    chain = frozenset(m.off_nominal_chain(found.posterior.off_nominal))
     gain_now = s.gain if GAIN in written else hypothesis.gain
     near = nearest_gain(gain_now, 1.0)
     zero = _estimate(found, ZERO, hypothesis.zero_rad, written=written).scaled(1.0 / turned)
@@ -280,7 +280,7 @@ def _rms(found: Judged, hypothesis: Hypothesis | None, names: Collection[str] | 
             x[m.place[name]] = found.settled.value(name)
     elif found.ratio != 1.0:
         hypothesis = replace(hypothesis, turn=hypothesis.turn / found.ratio)
-    residual, good = m.linearised(x, found.posterior.departing).residual(hypothesis, x)
+    residual, good = m.linearised(x, found.posterior.off_nominal).residual(hypothesis, x)
     return float(np.sqrt(np.mean(residual[good] ** 2))) if good.any() else math.nan
 
 
@@ -296,7 +296,7 @@ def _ambiguous(assessment: Assessment, found: Judged, ratio: float) -> list[Ambi
             )
         )
     if found.torque_by_speed_Nms:
-        kept = "inertia" if ROTOR in p.departing else "delay"
+        kept = "inertia" if ROTOR in p.off_nominal else "delay"
         ambiguous.append(
             Ambiguity(
                 ("torque.delay_s", "inertia"),
@@ -305,7 +305,7 @@ def _ambiguous(assessment: Assessment, found: Judged, ratio: float) -> list[Ambi
                 "no recording under this controller tells; one that holds the speed more stiffly tells better",
             )
         )
-    if HELD in p.departing:
+    if HELD in p.off_nominal:
         ambiguous.append(
             Ambiguity(
                 ("torque.offset_Nm", "shaft_coulomb_Nm"),
@@ -322,7 +322,7 @@ def _ambiguous(assessment: Assessment, found: Judged, ratio: float) -> list[Ambi
                 _FREE_REST,
             )
         )
-    for name in p.departing.intersection(SENSORS):
+    for name in p.off_nominal.intersection(SENSORS):
         others = [other for other in p.equivalents(name) if other != HELD and {name, other} != {ZERO, DELAY}]
         if others:
             ambiguous.append(

@@ -135,7 +135,7 @@ def causes(found: Judged, unit: AngleUnit, per_turn: float, periodic: float) -> 
         )
         named.insert(0, Cause("angle_unit", text, unit.name))
     unexplained = found.unexplained
-    surprising = found.posterior.surprise > IMPLAUSIBLE_NATS
+    surprising = found.posterior.prior_cost > IMPLAUSIBLE_NATS
     if unexplained > _NOTHING_ELSE or surprising:
         named = []  # estimates are meaningless for another machine
     if (unexplained > NOT_THIS_MACHINE or surprising) and per_turn >= FEWEST_ANGLES:
@@ -150,7 +150,7 @@ def _other_machine(found: Judged, unexplained: float, unexplained_by_any: float,
     share = 100.0 * min(unexplained, 1.0)
     residual = f"{share:.0f} % of the torque's variance stays unexplained whatever the sensors' settings"
     if surprising and unexplained <= NOT_THIS_MACHINE:
-        number = len(found.posterior.departing)
+        number = len(found.posterior.off_nominal)
         text = f"not this machine: {number} numbers of its file would have to be wrong at once to explain this torque"
     elif unexplained_by_any > FOLLOWS_NOTHING:
         text = (
@@ -194,10 +194,10 @@ def _departures(found: Judged) -> list[Cause]:
     """Reportable departures, in order of the torque that each explains."""
     p, named = found.posterior, list[tuple[float, Cause]]()
     effects, uncertain = found.effects_Nm, abs(p.hypothesis.gain) * p.measurement.uncertain_Nm
-    for name in sorted(p.departing):
+    for name in sorted(p.off_nominal):
         away = p.departure(name)
         if name in (ZERO, DELAY) and found.evidence.track.at_one_speed:
-            if {ZERO, DELAY} <= p.departing and name == DELAY:
+            if {ZERO, DELAY} <= p.off_nominal and name == DELAY:
                 continue  # one cause for both
             away = dict(zip((ZERO, DELAY), _at_one_speed(found), strict=True))[name]
         elif name == ZERO:
@@ -213,7 +213,7 @@ def _departures(found: Judged) -> list[Cause]:
             continue
         if name == OFFSET and _is_offset_in_unit(found):
             continue
-        if name == ECCENTRIC[1] and ECCENTRIC[0] in p.departing:
+        if name == ECCENTRIC[1] and ECCENTRIC[0] in p.off_nominal:
             continue  # one cause for both orders
         named.append((effects.get(name, 0.0), _ONE.get(name, _of_machine)(found, name)))
     # dry and viscous friction may each stay within tolerance where their sum does not
@@ -223,7 +223,7 @@ def _departures(found: Judged) -> list[Cause]:
         named.append((abs(friction), _friction(found)))
     for known in p.measurement.parameters:
         # within the tolerance of a force, and still known better than that
-        if known.kind == "force" and known.name not in p.departing:
+        if known.kind == "force" and known.name not in p.off_nominal:
             away, sigma = p.departure(known.name), p.sigma(known.name)
             if abs(away) > max(known.threshold, _CERTAIN * sigma):
                 named.append((effects.get(known.name, 0.0), _of_machine(found, known.name)))
@@ -242,7 +242,7 @@ def _amplitude(found: Judged, name: str) -> float:
 
 def _eccentricity(found: Judged, name: str) -> Cause:
     p = found.posterior
-    named = max((each for each in ECCENTRIC if each in p.departing), key=lambda each: _amplitude(found, each))
+    named = max((each for each in ECCENTRIC if each in p.off_nominal), key=lambda each: _amplitude(found, each))
     size = _amplitude(found, named)
     pair = named, f"{named}.sine"
     direction = np.array([p.value(each) for each in pair]) / max(size, 1e-300)
@@ -333,7 +333,7 @@ def _plain_zero(found: Judged) -> Cause:
 def _as_zero(found: Judged) -> tuple[float, float]:
     """Departure of the zero and its standard deviation, or of the delay as a zero [rad]."""
     p, speed = found.posterior, _speed(found)
-    if ZERO in p.departing:
+    if ZERO in p.off_nominal:
         return _zero_departure(found), p.sigma(ZERO)
     return math.remainder(p.departure(DELAY) * speed, 2.0 * math.pi), p.sigma(DELAY) * abs(speed)
 
@@ -432,7 +432,9 @@ def _rotor(found: Judged, name: str) -> Cause:
 def _with_offset(found: Judged) -> bool:
     """True if the record determines only the sum of friction and the torque sensor's offset."""
     p = found.posterior
-    return not (p.measurement.record.standstills or found.evidence.turns_in_both_directions() or OFFSET in p.departing)
+    return not (
+        p.measurement.record.standstills or found.evidence.turns_in_both_directions() or OFFSET in p.off_nominal
+    )
 
 
 def _friction_departure(found: Judged, with_offset: bool = False) -> tuple[float, float]:
@@ -460,7 +462,7 @@ def _friction(found: Judged) -> Cause:
             text += " (or an offset of the torque sensor: a recording with a standstill would resolve it)"
     else:
         text = f"the model has {-torque:.2g} +- {sigma:.1g} N m more friction at working speed than the machine"
-    name = VISCOUS if VISCOUS in p.departing and COULOMB not in p.departing else COULOMB
+    name = VISCOUS if VISCOUS in p.off_nominal and COULOMB not in p.off_nominal else COULOMB
     return Cause("unmodelled_friction", text, torque, sigma, name, p.equivalents(name))
 
 

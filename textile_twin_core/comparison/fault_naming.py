@@ -47,7 +47,7 @@ def evidence_of(kind: str) -> str:
     return _EVIDENCE.get(kind, kind)
 
 
-def worth_telling(
+def alarm_thresholds(
     band: Band, torque_Nm: float, least_load: float, least_share: float, least_phase_rad: float, least_pierce: float
 ) -> FloatArray:
     """Smallest change of each series that is worth an alarm, (series,)."""

@@ -16,9 +16,9 @@ from textile_twin_core.comparison.fault_naming import (
     SIDE,
     agrees_with,
     alarm_text,
+    alarm_thresholds,
     evidence_of,
     named,
-    worth_telling,
 )
 from textile_twin_core.comparison.fault_signatures import TurnFeatures
 
@@ -217,7 +217,7 @@ class FaultWatch:
     def _worth(self, band: Band) -> FloatArray:
         s = self.settings
         load = s.least_cloth if self.has_pierce else 2.0 * s.least_share
-        return worth_telling(band, self.torque_Nm, load, s.least_share, s.least_phase_rad, s.least_pierce)
+        return alarm_thresholds(band, self.torque_Nm, load, s.least_share, s.least_phase_rad, s.least_pierce)
 
     def _clear(self) -> None:
         s, first = self.settings, self._known[0]

@@ -69,7 +69,7 @@ def explained_by_force_law(found: Judged, machine: Machine) -> ForceLawCause | N
     scale of the residual. None if the file explains the record, or if no law does.
     """
     p = found.posterior
-    if machine.shaft is not None or (found.unexplained < _TRIED and p.surprise <= IMPLAUSIBLE_NATS):
+    if machine.shaft is not None or (found.unexplained < _TRIED and p.prior_cost <= IMPLAUSIBLE_NATS):
         return None
     if found.unexplained > NOT_THIS_MACHINE and best_periodic(found) < _PERIODIC:
         return None
@@ -86,7 +86,7 @@ def explained_by_force_law(found: Judged, machine: Machine) -> ForceLawCause | N
         return None
     posterior, curve = best[1].posterior, best[1].curve
     judged = replace(found, posterior=posterior, explained=posterior.explained)
-    if judged.unexplained > _LEFT or posterior.surprise > IMPLAUSIBLE_NATS:
+    if judged.unexplained > _LEFT or posterior.prior_cost > IMPLAUSIBLE_NATS:
         return None
     return ForceLawCause(judged, curve, key_of(curve, machine), _text(curve, machine))
 
@@ -126,7 +126,7 @@ def explained_at_once(
         same = bound.measurement.on(p.measurement.record)
         other = map_fit(same, configured, bound.fit.x, same.names, inflation=fit.inflation, scale=fit.scale)
         likelier = p.log_evidence - other.log_likelihood + _LOG_ODDS > 0.0
-        if likelier and fit.inflation < _WHITE and p.surprise <= IMPLAUSIBLE_NATS and judged(p).unexplained < _TRIED:
+        if likelier and fit.inflation < _WHITE and p.prior_cost <= IMPLAUSIBLE_NATS and judged(p).unexplained < _TRIED:
             return ForceLawCause(judged(p), law.curve, key_of(law.curve, machine), _text(law.curve, machine))
     return None
 
@@ -135,8 +135,10 @@ def _gain(p: Posterior, law: CurvePosterior) -> float:
     """Log evidence of the law over that of the posterior without it, at the scale and inflation of the law's fit."""
     fit, value = law.posterior.fit, law.posterior.log_evidence
     m = p.measurement.on(law.posterior.measurement.record)
-    without = map_fit(m, p.hypothesis, p.fit.x, p.departing, inflation=fit.inflation, scale=fit.scale, relinearise=True)
-    return value - QuadraticEvidence(m, without, fit.inflation)(p.departing) - without.log_likelihood
+    without = map_fit(
+        m, p.hypothesis, p.fit.x, p.off_nominal, inflation=fit.inflation, scale=fit.scale, relinearise=True
+    )
+    return value - QuadraticEvidence(m, without, fit.inflation)(p.off_nominal) - without.log_likelihood
 
 
 def key_of(curve: LearnedCurve, machine: Machine) -> str:

@@ -23,13 +23,13 @@ class NotIdentifiable:
 
 
 def identifiable(
-    jacobian: FloatArray, names: Sequence[str], given_up_first: Sequence[str]
+    jacobian: FloatArray, names: Sequence[str], drop_order: Sequence[str]
 ) -> tuple[list[str], list[NotIdentifiable]]:
     """Return the parameters that are distinguishable together, and those dropped to make them so.
 
     Args:
         jacobian: (n, k) effects of the parameters on the measured torque. names: of its columns.
-        given_up_first: the order in which parameters with indistinguishable effects are dropped.
+        drop_order: the order in which parameters with indistinguishable effects are dropped.
     """
     kept, lost = list(names), list[NotIdentifiable]()
     sizes = dict(zip(names, np.sqrt(np.mean(jacobian**2, axis=0)).tolist(), strict=True))
@@ -37,7 +37,7 @@ def identifiable(
         if not sizes[name] > _NO_EFFECT * max(sizes.values()) * 1e-3:
             kept.remove(name)
             lost.append(NotIdentifiable(name, f"{name} has no effect in this recording"))
-    order = [*given_up_first, *(name for name in reversed(names) if name not in given_up_first)]
+    order = [*drop_order, *(name for name in reversed(names) if name not in drop_order)]
     while kept:
         columns = np.stack([jacobian[:, list(names).index(name)] / sizes[name] for name in kept], axis=1)
         normal = columns.T @ columns / columns.shape[0]

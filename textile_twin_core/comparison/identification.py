@@ -141,8 +141,8 @@ def identify(readings: Readings, machine: Machine, begin: Begin = unheard) -> Id
     evidence = found.evidence.in_runs() if hypothesis.filters else found.evidence
     record = record_of(evidence, speed_controlled, whole_turns, most=_ALL_SAMPLES)
     m = candidates.measurement(found.posterior.measurement, record)
-    departing = found.posterior.departing
-    nuisance = {*departing.intersection({DRIFT, HELD}), *m.departing_chain(departing)}
+    off_nominal = found.posterior.off_nominal
+    nuisance = {*off_nominal.intersection({DRIFT, HELD}), *m.off_nominal_chain(off_nominal)}
     start = m.nominal.copy()
     for name in (*candidates.public, *nuisance):
         if name in m.place:
@@ -191,7 +191,7 @@ def identify(readings: Readings, machine: Machine, begin: Begin = unheard) -> Id
         rms_before_Nm=float(np.sqrt(np.mean(before[good] ** 2))),
         rms_after_Nm=float(np.sqrt(np.mean(after[good] ** 2))),
         unmodelled=torque,
-        machine=candidates.machine_with(m, hypothesis, x, departing),
+        machine=candidates.machine_with(m, hypothesis, x, off_nominal),
         notes=(*notes, *(each.text for each in (*lost, *candidates.missing))),
     )
 
@@ -268,7 +268,7 @@ def _identifiable(
     m: Measurement, candidates: Candidates, found: Judged, values: FloatArray
 ) -> tuple[tuple[str, ...], list[NotIdentifiable]]:
     """Choose the identifiable parameters from their effects on the torque, before any fit."""
-    public, departing = candidates.public, found.posterior.departing
+    public, off_nominal = candidates.public, found.posterior.off_nominal
     names = [name for name in public if name in m.place]
     lost = []
 
@@ -280,10 +280,10 @@ def _identifiable(
         delay, partner = (DELAY, ZERO) if DELAY not in found.settled.free else (ZERO, DELAY)
         for name, other in ((delay, partner), (VISCOUS, COULOMB)):
             give_up(name, f"cannot be distinguished from {public[other]} at one speed")
-    elif found.whole_turns and DELAY not in departing:
+    elif found.whole_turns and DELAY not in off_nominal:
         give_up(DELAY, "shows in changes of the speed alone without a linkage, and these show none")
     if m.record.speed_controlled and {ROTOR, DELAY} <= set(names):
-        gone, other = (DELAY, ROTOR) if ROTOR in departing else (ROTOR, DELAY)
+        gone, other = (DELAY, ROTOR) if ROTOR in off_nominal else (ROTOR, DELAY)
         give_up(gone, f"cannot be distinguished from {public[other]} where the torque follows the speed")
     if m.record.speed_controlled:
         for name in candidates.planes:

@@ -137,7 +137,7 @@ class Candidates:
         )
 
     def machine_with(
-        self, m: Measurement, hypothesis: Hypothesis, x: FloatArray, departing: Collection[str] = ()
+        self, m: Measurement, hypothesis: Hypothesis, x: FloatArray, off_nominal: Collection[str] = ()
     ) -> Machine:
         """Return the machine with the values x: loads, friction, inertia, sensors, and departures of their chain.
 
@@ -154,7 +154,7 @@ class Candidates:
         encoder = replace(written.sensors.encoder, zero_rad=found[ALWAYS[ZERO]])
         gain, offset, delay = (found[ALWAYS[name]] for name in (GAIN, OFFSET, DELAY))
         sensor = replace(written.sensors.torque, gain=gain, offset_Nm=offset, delay_s=delay)
-        sensors = m.chain_sensors(replace(written.sensors, encoder=encoder, torque=sensor), x, departing)
+        sensors = m.chain_sensors(replace(written.sensors, encoder=encoder, torque=sensor), x, off_nominal)
         return replace(written, loads=tuple(loads), bodies=bodies, sensors=sensors)
 
     def event_angles(self, m: Measurement, x: FloatArray) -> dict[str, float]:

@@ -55,7 +55,7 @@ class Judged:
         residual, good = m.residual(p.hypothesis, p.fit.x)
         means, good = m.means(np.column_stack([residual, m.record.torque_Nm]), good)
         square, variance = float(np.mean(means[good, 0] ** 2)), max(float(np.var(means[good, 1])), 1e-300)
-        if not 0.5 * np.count_nonzero(good) * math.log(variance / max(square, 1e-300)) > p.surprise:
+        if not 0.5 * np.count_nonzero(good) * math.log(variance / max(square, 1e-300)) > p.prior_cost:
             return square / variance
         if self.whole_turns:
             product = (means[:-2, 0] * means[2:, 0])[good[:-2] & good[2:]]

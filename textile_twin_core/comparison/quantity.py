@@ -62,7 +62,7 @@ class QuantityComparison:
 
     Attributes:
         name: of the output. scale, offset, delay_s: as fitted. zero_rad: in shaft angle, beside the machine file's.
-        rms: residual. rms_as_told: residual with scale 1, no delay, the machine file's zero, and the best offset.
+        rms: residual. rms_configured: residual with scale 1, no delay, the machine file's zero, and the best offset.
         explained: share of the mean square about the mean. measured_range, machine_range: highest less lowest over a
             turn at speed_rad_s, the shaft's usual speed; the measured one from the fit, without noise.
         one_speed: zero and delay are not distinguishable; their sum is stated as a delay.
@@ -77,7 +77,7 @@ class QuantityComparison:
     delay_s: Estimate
     zero_rad: Estimate
     rms: float
-    rms_as_told: float
+    rms_configured: float
     explained: float
     measured_range: float
     machine_range: float
@@ -189,7 +189,7 @@ def compare_quantity(trace: Trace, machine: Machine, name: str) -> QuantityCompa
         name=name,
         **fitted,
         rms=float(np.sqrt(np.mean(residual**2))),
-        rms_as_told=_nominal_rms(model, measured),
+        rms_configured=_nominal_rms(model, measured),
         explained=1.0 - float(np.mean(residual**2)) / max(float(np.var(measured[good])), 1e-300),
         measured_range=abs(values["scale"]) * float(np.ptp(around)),
         machine_range=float(np.ptp(around)),

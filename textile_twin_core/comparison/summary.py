@@ -44,7 +44,7 @@ def _aligned(comparison: Comparison) -> list[tuple[str, str]]:
     return [("sensor delay", delay), ("sensor gain, offset", line)]
 
 
-def is_as_told(comparison: Comparison) -> bool:
+def agrees_with_file(comparison: Comparison) -> bool:
     """Return true if the recording was judged and agrees with the machine file; false without a judgement."""
     return not comparison.verdict and bool(comparison.quantities)
 
@@ -55,7 +55,7 @@ def verdict_lines(comparison: Comparison) -> list[str]:
         return [cause.text for cause in comparison.verdict]
     if math.isnan(comparison.explained):
         return ["nothing can be told from this recording; see the notes"]
-    if not is_as_told(comparison):
+    if not agrees_with_file(comparison):
         share = f"{comparison.explained * 100.0:.0f} %"
         return [f"nothing is judged, though the machine explains but {share} of the torque's variance; see the notes"]
     return [f"as the machine file says; it explains {comparison.explained * 100.0:.2f} % of the torque's variance"]

@@ -113,9 +113,9 @@ def uncertainty_by_turns(
     adjusted, degrees = _by_turns(basis, pseudo, turn, root)
     across = root @ (adjusted.T @ adjusted) @ root.T
     independent = root @ root.T * float(np.mean(pseudo**2))
-    untold = np.isnan(degrees)
-    covariance = np.where(untold | untold[:, None], independent, across)
-    quantile = np.where(untold, scipy.stats.norm.ppf(0.975), scipy.stats.t.ppf(0.975, degrees))
+    undetermined = np.isnan(degrees)
+    covariance = np.where(undetermined | undetermined[:, None], independent, across)
+    quantile = np.where(undetermined, scipy.stats.norm.ppf(0.975), scipy.stats.t.ppf(0.975, degrees))
     half = quantile * np.sqrt(np.diag(covariance))
     alone = np.sqrt(np.diag(independent))
     few = degrees < _FEW  # nan is not

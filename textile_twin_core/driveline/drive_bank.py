@@ -155,11 +155,11 @@ def update(bank: DriveBank, innovation: float, variance: float) -> None:
         x, p, row = bank.x[m], bank.covariance[m], bank.row
         spread = p[SHIFT, SHIFT] + variance * bank.scale[m]
         off = innovation - x[SHIFT]
-        surprise = off * off / spread
-        log_likelihood = -0.5 * (_STUDENT + 1.0) * math.log(1.0 + surprise / _STUDENT) - 0.5 * math.log(spread)
+        prior_cost = off * off / spread
+        log_likelihood = -0.5 * (_STUDENT + 1.0) * math.log(1.0 + prior_cost / _STUDENT) - 0.5 * math.log(spread)
         bank.likelihood[m] = math.exp(log_likelihood)
-        bank.samples[m] = min(bank.samples[m] + min(surprise, 1.0), _MOST_SAMPLES)
-        grown = bank.scale[m] * (1.0 + (min(surprise, _MOST_SURPRISE) - 1.0) / bank.samples[m])
+        bank.samples[m] = min(bank.samples[m] + min(prior_cost, 1.0), _MOST_SAMPLES)
+        grown = bank.scale[m] * (1.0 + (min(prior_cost, _MOST_SURPRISE) - 1.0) / bank.samples[m])
         bank.scale[m] = max(grown, _LEAST_SCALE)
         for j in range(5):
             row[j] = p[0, j]

@@ -413,7 +413,7 @@ def _learn(bank: DriveBank, o: Record, off: float, variance: float, dt: float) -
 def _open_friction(chain: ShaftChain, state: ChainState, o: Record, room: Room, sense: bool) -> tuple[float, float]:
     """Dry friction between whose two bounds the motion leaves open: of all stations, and beyond the sensor [N m].
 
-    That of stations without a known sense of rotation, and of those too slow for the time step (see `hung`).
+    That of stations without a known sense of rotation, and of those too slow for the time step (see `mounted`).
     """
     piece, total, beyond = int(o.piece), 0.0, 0.0
     far = piece >= int(o.drive)

@@ -44,7 +44,7 @@ _MOST = 6
 class Choice:
     """A set of departures, its log evidence, and sets within `EQUIVALENT_NATS` of it, likeliest first."""
 
-    departing: Departures
+    off_nominal: Departures
     log_evidence: float
     rivals: tuple[tuple[float, Departures], ...]
 
@@ -76,9 +76,9 @@ class QuadraticEvidence:
         self._everyday = -0.5 * float(np.linalg.slogdet(matrix)[1])
         self._away = away / root
 
-    def __call__(self, departing: Collection[str]) -> float:
+    def __call__(self, off_nominal: Collection[str]) -> float:
         """Log evidence of a set of departures, odds included."""
-        known = sorted((p for p in self._parameters if p.departs(departing)), key=lambda p: p.name)
+        known = sorted((p for p in self._parameters if p.departs(off_nominal)), key=lambda p: p.name)
         k = np.array([self._place[p.name] for p in known], dtype=np.int64)
         spread = np.array([p.spread(v) for p, v in zip(known, self._x[k].tolist(), strict=True)])
         if any(p.widest > p.departure for p in known):  # the width of their prior is that at the posterior mean
@@ -111,14 +111,14 @@ class QuadraticEvidence:
         return found, self._x[k] + self._root[k] * mean, sigma
 
 
-def is_one(measurement: Measurement, departing: Collection[str]) -> bool:
+def is_one(measurement: Measurement, off_nominal: Collection[str]) -> bool:
     """Return true for delay and an inertia of the shaft together: a speed-controlled drive makes them look alike.
 
     Their difference is then mostly the error of the estimated acceleration, which an inertia that is too small removes.
     """
-    if not measurement.record.speed_controlled or DELAY not in departing:
+    if not measurement.record.speed_controlled or DELAY not in off_nominal:
         return False
-    return not measurement.model.shaft_inertias.isdisjoint(departing)
+    return not measurement.model.shaft_inertias.isdisjoint(off_nominal)
 
 
 def undeclared_filters(measurement: Measurement, fit: Fit) -> Departures:
@@ -160,10 +160,10 @@ def choose(measurement: Measurement, fit: Fit, inflation: float, start: Collecti
     evidence = QuadraticEvidence(measurement, fit, inflation)
     seen: dict[Departures, float] = {}
 
-    def value(departing: Departures) -> float:
-        if departing not in seen and always <= departing and not is_one(measurement, departing):
-            seen[departing] = evidence(departing)
-        return seen.get(departing, -np.inf)
+    def value(off_nominal: Departures) -> float:
+        if off_nominal not in seen and always <= off_nominal and not is_one(measurement, off_nominal):
+            seen[off_nominal] = evidence(off_nominal)
+        return seen.get(off_nominal, -np.inf)
 
     here = frozenset(start)
     best = value(here)

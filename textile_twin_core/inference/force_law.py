@@ -26,7 +26,7 @@ from textile_twin_core.dynamics.loads.force_curve import POSITION
 from textile_twin_core.errors import MachineError
 from textile_twin_core.expression import interpret
 from textile_twin_core.inference.evidence import Choice, Departures, QuadraticEvidence, choose, is_one
-from textile_twin_core.inference.map_fit import Fit, map_fit, wide_fit
+from textile_twin_core.inference.map_fit import Fit, fit_with_prior_update, map_fit
 from textile_twin_core.inference.measurement import Hypothesis, Measurement
 from textile_twin_core.inference.parameter import (
     COULOMB,
@@ -395,7 +395,7 @@ class _Law:
         self.known, self.record, self.working = (*known, *edges), record, working
         self.knots = np.linspace(place.begin, place.end, _count(machine, place, record))
         self.hyper = _FIRST
-        self.departing: Departures = frozenset()
+        self.off_nominal: Departures = frozenset()
         self._renew(self.record)
 
     def _renew(self, record: Record) -> None:
@@ -408,17 +408,17 @@ class _Law:
     def begin(self) -> None:
         """Fit the law and the sensors alone: a force that is not found yet would pass for a wrong length."""
         fits = list[tuple[float, int, Fit, Departures, tuple[float, float]]]()
-        for start, hypothesis, departing in self._starts():
-            self.hyper, self.departing, self.hypothesis = _FIRST, departing, hypothesis
+        for start, hypothesis, off_nominal in self._starts():
+            self.hyper, self.off_nominal, self.hypothesis = _FIRST, off_nominal, hypothesis
             self._renew(self.record)
-            fit = map_fit(self.m, hypothesis, start, departing, iterations=15)
+            fit = map_fit(self.m, hypothesis, start, off_nominal, iterations=15)
             for _ in range(_SETTLING):
                 fit, _ = self._tuned(fit)
-                fit = map_fit(self.m, hypothesis, fit.x, departing, iterations=10)
-            fits.append((fit.rms, len(fits), fit, departing, self.hyper))
+                fit = map_fit(self.m, hypothesis, fit.x, off_nominal, iterations=10)
+            fits.append((fit.rms, len(fits), fit, off_nominal, self.hyper))
             if fit.explained > _EXPLAINED:
                 break
-        *_, self.fit, self.departing, self.hyper = min(fits, key=lambda each: each[:2])
+        *_, self.fit, self.off_nominal, self.hyper = min(fits, key=lambda each: each[:2])
         self.hypothesis = self.fit.hypothesis
         self._renew(self.record)
 
@@ -429,7 +429,7 @@ class _Law:
         if m.record.one_speed:  # a delay then looks like a zero
             sensors -= {DELAY}
         x = m.nominal.copy()
-        for name in sensors & self.plain.departing:
+        for name in sensors & self.plain.off_nominal:
             x[m.place[name]] = self.plain.value(name)
         return [(m.nominal.copy(), self.plain.configured, sensors), (x, self.plain.hypothesis, sensors)]
 
@@ -440,8 +440,8 @@ class _Law:
 
     def at_scale(self, like: Fit) -> float:
         """Log evidence with the scale and inflation of another fit, so that laws can be compared."""
-        fit = map_fit(self.m, self.hypothesis, self.fit.x, self.departing, inflation=like.inflation, scale=like.scale)
-        return QuadraticEvidence(self.m, fit, fit.inflation)(self.departing) + fit.log_likelihood
+        fit = map_fit(self.m, self.hypothesis, self.fit.x, self.off_nominal, inflation=like.inflation, scale=like.scale)
+        return QuadraticEvidence(self.m, fit, fit.inflation)(self.off_nominal) + fit.log_likelihood
 
     def choose_power(self) -> None:
         """Let the force grow with a power of the speed if that is clearly likelier."""
@@ -449,7 +449,7 @@ class _Law:
         powers: tuple[Literal[0, 1, 2], ...] = (0, 1, 2)
         for power in powers:
             self.model.power = power
-            found.append((0.0, power, map_fit(self.m, self.hypothesis, self.fit.x, self.departing)))
+            found.append((0.0, power, map_fit(self.m, self.hypothesis, self.fit.x, self.off_nominal)))
         least = min((each[2] for each in found), key=lambda fit: fit.scale)
         tried = dict[int, float]()
         for _, power, fit in found:
@@ -462,7 +462,7 @@ class _Law:
         """Fit all samples, with finer knots where the law bends between them, and choose the departures."""
         some = record if record.block_s else record.thinned(_WORKING_SAMPLES)
         self._renew(some)
-        fit = map_fit(self.m, self.hypothesis, self.fit.x, self.departing, iterations=10)
+        fit = map_fit(self.m, self.hypothesis, self.fit.x, self.off_nominal, iterations=10)
         for _ in range(_REFINED):
             if self._bends(fit) and _count_of(record, self.knots.size):
                 fit, _ = self._tuned(self._refined(fit, some))
@@ -474,12 +474,12 @@ class _Law:
                 break
         if some is not record:
             self._renew(record)
-            fit = map_fit(self.m, self.hypothesis, fit.x, self.departing, iterations=3)
+            fit = map_fit(self.m, self.hypothesis, fit.x, self.off_nominal, iterations=3)
             fit, _ = self._round(fit)
-        value = QuadraticEvidence(self.m, fit, fit.inflation)(self.departing) + fit.log_likelihood
-        choice = Choice(self.departing, value, tuple(self.choice.rivals))
+        value = QuadraticEvidence(self.m, fit, fit.inflation)(self.off_nominal) + fit.log_likelihood
+        choice = Choice(self.off_nominal, value, tuple(self.choice.rivals))
         posterior = Posterior(
-            self.m.linearised(fit.x, self.departing), self.plain.configured, fit, choice, value, self.plain.others
+            self.m.linearised(fit.x, self.off_nominal), self.plain.configured, fit, choice, value, self.plain.others
         )
         return CurvePosterior(posterior, learned(posterior))
 
@@ -488,9 +488,9 @@ class _Law:
         fit, moved = self._tuned(fit)
         self.model.expect_bends(fit.x[len(self.known) :])
         chosen = self._departures(fit)
-        fit = wide_fit(self.m, self.hypothesis, fit.x, chosen, iterations=15, relinearise=True)
-        same = chosen == self.departing and not moved
-        self.departing = chosen
+        fit = fit_with_prior_update(self.m, self.hypothesis, fit.x, chosen, iterations=15, relinearise=True)
+        same = chosen == self.off_nominal and not moved
+        self.off_nominal = chosen
         return fit, same
 
     def _bends(self, fit: Fit) -> bool:
@@ -507,7 +507,7 @@ class _Law:
         free = slice(0 if self.place.edge else 1, None)
         forces = np.concatenate([np.interp(self.knots, before, way)[free] for way in ways])
         x = np.concatenate([fit.x[: len(self.known)], np.linalg.solve(self._root(self.hyper), forces)])
-        return map_fit(self.m, self.hypothesis, x, self.departing, iterations=15)
+        return map_fit(self.m, self.hypothesis, x, self.off_nominal, iterations=15)
 
     def _root(self, hyper: tuple[float, float]) -> FloatArray:
         """Root (free, free) of the prior's covariance."""
@@ -531,7 +531,7 @@ class _Law:
         def value(hyper: tuple[float, float]) -> float:
             if hyper not in tried:
                 turned = _in_root(fit, begin, np.asarray(np.linalg.solve(here, self._root(hyper)), np.float64))
-                tried[hyper] = QuadraticEvidence(self.m, turned, fit.inflation)(self.departing), turned
+                tried[hyper] = QuadraticEvidence(self.m, turned, fit.inflation)(self.off_nominal), turned
             return tried[hyper][0]
 
         best = max([self.hyper, *((size, length) for size in _SIZES for length in _LENGTHS)], key=value)
@@ -563,9 +563,9 @@ class _Law:
         )
         m = Measurement(self.m.record, self.model, self.known, self.m.working_torque_Nm)
         # from the sensors on alone: a gain beside a mass that makes up for it would stay
-        starts = {frozenset[str](), *(() if is_one(m, self.departing) else (self.departing,))}
+        starts = {frozenset[str](), *(() if is_one(m, self.off_nominal) else (self.off_nominal,))}
         self.choice = max((choose(m, reduced, fit.inflation, s) for s in starts), key=lambda each: each.log_evidence)
-        return self.choice.departing
+        return self.choice.off_nominal
 
 
 def learned(posterior: Posterior, fit: Fit | None = None) -> LearnedCurve:

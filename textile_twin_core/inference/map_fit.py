@@ -93,17 +93,17 @@ class Weighed:
     slopes: FloatArray
 
 
-def prior_variance(measurement: Measurement, departing: Collection[str], x: FloatArray) -> FloatArray:
+def prior_variance(measurement: Measurement, off_nominal: Collection[str], x: FloatArray) -> FloatArray:
     """Prior variances (k,): of departures for the named parameters, of everyday tolerances for all others."""
     pairs = zip(measurement.parameters, x.tolist(), strict=True)
-    return np.array([(p.spread(v) if p.departs(departing) else p.tolerance) ** 2 for p, v in pairs])
+    return np.array([(p.spread(v) if p.departs(off_nominal) else p.tolerance) ** 2 for p, v in pairs])
 
 
 def map_fit(
     measurement: Measurement,
     hypothesis: Hypothesis,
     x: FloatArray,
-    departing: Collection[str],
+    off_nominal: Collection[str],
     *,
     free: Collection[str] | None = None,
     iterations: int = 12,
@@ -117,7 +117,7 @@ def map_fit(
         measurement: record and model.
         hypothesis: discrete settings.
         x: (k,) start.
-        departing: parameters with the wide prior of a departure.
+        off_nominal: parameters with the wide prior of a departure.
         free: parameters that may move; None: all.
         iterations: most iterations.
         inflation, scale: of the residuals where they are known from another fit; 0: estimated.
@@ -129,10 +129,10 @@ def map_fit(
     reach = np.array([_REACH * p.widest for p in measurement.parameters])
     low = np.maximum(measurement.nominal - reach, [p.low for p in measurement.parameters])
     high = np.minimum(measurement.nominal + reach, [_HIGHEST.get(name, np.inf) for name in names])
-    variance, damping = prior_variance(measurement, departing, x), 0.0
+    variance, damping = prior_variance(measurement, off_nominal, x), 0.0
 
     def at(x: FloatArray) -> tuple[Measurement, Weighed]:
-        near = measurement.linearised(x, departing if relinearise else ())
+        near = measurement.linearised(x, off_nominal if relinearise else ())
         return near, weigh(near, hypothesis, x, variance, given, scale)
 
     near, here = at(x)
@@ -174,17 +174,17 @@ def map_fit(
     )
 
 
-def wide_fit(
-    measurement: Measurement, hypothesis: Hypothesis, x: FloatArray, departing: Collection[str], **options: Any
+def fit_with_prior_update(
+    measurement: Measurement, hypothesis: Hypothesis, x: FloatArray, off_nominal: Collection[str], **options: Any
 ) -> Fit:
     """Repeat `map_fit` from its result while the widths of the priors change, since they follow large departures."""
-    fit = map_fit(measurement, hypothesis, x, departing, **options)
+    fit = map_fit(measurement, hypothesis, x, off_nominal, **options)
     for _ in range(_WIDENED):
-        before, after = prior_variance(measurement, departing, x), prior_variance(measurement, departing, fit.x)
+        before, after = prior_variance(measurement, off_nominal, x), prior_variance(measurement, off_nominal, fit.x)
         if np.all(np.maximum(before / after, after / before) < 2.0):
             break
         x = fit.x
-        fit = map_fit(measurement, hypothesis, x, departing, **options)
+        fit = map_fit(measurement, hypothesis, x, off_nominal, **options)
     return fit
 
 

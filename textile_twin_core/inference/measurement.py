@@ -122,14 +122,14 @@ class Measurement:
         """Even grid of time on which the torque is filtered."""
         return EvenGrid(self.record.time_s, self.record.speed_rad_s)
 
-    def departing_chain(self, departing: Collection[str]) -> tuple[str, ...]:
+    def off_nominal_chain(self, off_nominal: Collection[str]) -> tuple[str, ...]:
         """Return the names of the chain's parameters that depart, an order's sine with its cosine."""
-        return tuple(p.name for p in self.parameters if p.kind in OF_CHAIN and p.departs(departing))
+        return tuple(p.name for p in self.parameters if p.kind in OF_CHAIN and p.departs(off_nominal))
 
-    def chain_sensors(self, sensors: Sensors, x: FloatArray, departing: Collection[str]) -> Sensors:
+    def chain_sensors(self, sensors: Sensors, x: FloatArray, off_nominal: Collection[str]) -> Sensors:
         """Return sensors with the departures of the measuring chain: eccentricity, low pass and high pass."""
         v = self.values(x)
-        names = self.departing_chain(departing)
+        names = self.off_nominal_chain(off_nominal)
         torque, encoder = sensors.torque, sensors.encoder
         if LOW_PASS in names or BUTTERWORTH in names:
             second = v[BUTTERWORTH] if BUTTERWORTH in names else 0.0
@@ -152,9 +152,9 @@ class Measurement:
         other.about = self.about
         return other
 
-    def linearised(self, x: FloatArray, departing: Collection[str]) -> Measurement:
-        """Return a copy that is linear about the values (k,) of the departing parameters."""
-        about = self.model.linearised(self.values(x), departing)
+    def linearised(self, x: FloatArray, off_nominal: Collection[str]) -> Measurement:
+        """Return a copy that is linear about the values (k,) of the off_nominal parameters."""
+        about = self.model.linearised(self.values(x), off_nominal)
         if about is self.about:
             return self
         other = copy(self)

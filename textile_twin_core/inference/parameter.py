@@ -83,9 +83,9 @@ class ModelParameter:
         """True if a departure of its own is possible: not for one that follows another, or is uncertain by nature."""
         return not self.leader and self.probability > 0.0
 
-    def departs(self, departing: Collection[str]) -> bool:
+    def departs(self, off_nominal: Collection[str]) -> bool:
         """Return true if the parameter, or the one that it follows, is among the departures."""
-        return (self.leader or self.name) in departing
+        return (self.leader or self.name) in off_nominal
 
 
 def gain_factor(value: float) -> float:

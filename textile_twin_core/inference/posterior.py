@@ -25,7 +25,7 @@ from textile_twin_core.inference.evidence import (
     undeclared_filters,
 )
 from textile_twin_core.inference.filter_scan import HOPEFUL, likely_filters
-from textile_twin_core.inference.map_fit import Fit, map_fit, wide_fit
+from textile_twin_core.inference.map_fit import Fit, fit_with_prior_update, map_fit
 from textile_twin_core.inference.measurement import Hypothesis, Measurement
 from textile_twin_core.inference.parameter import (
     COULOMB,
@@ -85,14 +85,14 @@ class Posterior:
     others: tuple[Fit, ...]
 
     @property
-    def departing(self) -> Departures:
+    def off_nominal(self) -> Departures:
         """Names of the parameters that depart from the file."""
-        return self.choice.departing
+        return self.choice.off_nominal
 
     @property
     def plain(self) -> Departures:
         """Departures but those of bodies and links, which could imitate a filter of the torque."""
-        return frozenset(name for name in self.departing if self.parameter(name).kind not in OF_BODIES)
+        return frozenset(name for name in self.off_nominal if self.parameter(name).kind not in OF_BODIES)
 
     @property
     def hypothesis(self) -> Hypothesis:
@@ -123,7 +123,7 @@ class Posterior:
 
     def equivalents(self, name: str) -> tuple[str, ...]:
         """Parameters whose departure, in place of this one, explains the record equally well, likeliest first."""
-        others = self.departing - {name}
+        others = self.off_nominal - {name}
         swapped = [
             s - others for _, s in self.choice.rivals if others <= s and name not in s and len(s) == len(others) + 1
         ]
@@ -137,10 +137,10 @@ class Posterior:
         return 1.0 - float(np.mean(residual[good] ** 2)) / max(float(np.var(torque)), 1e-300) if torque.size else 0.0
 
     @property
-    def surprise(self) -> float:
+    def prior_cost(self) -> float:
         """Prior cost of the departures in nats: large if this machine explains the torque only by many mistakes."""
         cost = 0.0
-        for name in sorted(self.departing):
+        for name in sorted(self.off_nominal):
             p = self.parameter(name)
             cost += min(0.5 * (self.departure(name) / p.spread(self.value(name))) ** 2, 6.0) - p.log_odds
         return cost
@@ -172,13 +172,13 @@ def infer(
         return found  # means over whole turns show no filter
     if found is not None and found.fit.rms < abs(found.hypothesis.gain) * measurement.uncertain_Nm:
         return found  # the uncertain motion explains more torque than is left for a filter
-    if found is None or found.explained < _BLOCKED_MEAN or OFFSET in found.departing or _differs(found):
+    if found is None or found.explained < _BLOCKED_MEAN or OFFSET in found.off_nominal or _differs(found):
         # without the mean of the torque no hypothesis of the others need be near
         blocked = replace(configured, filters=configured.filters | {HIGH_PASS})
         fits = hypotheses(dense_measurement, blocked, ratios)
         if fits and (
             found is None
-            or found.plain != found.departing
+            or found.plain != found.off_nominal
             or 1.0 - fits[0].explained < _CLEARLY * (1.0 - found.explained)
         ):
             other = _searched(dense_measurement, blocked, fits)
@@ -216,7 +216,7 @@ def _searched(measurement: Measurement, configured: Hypothesis, fits: list[Fit])
         if found.hypothesis.unit != 1.0:
             found = _likelier_without_unit(found, others)
         # implausible values may come from wrong discrete settings
-        if found.surprise <= IMPLAUSIBLE_NATS and (first is None or found.explained > first.explained - _AS_GOOD):
+        if found.prior_cost <= IMPLAUSIBLE_NATS and (first is None or found.explained > first.explained - _AS_GOOD):
             return found
         first = first or found
     return first
@@ -231,13 +231,13 @@ def _with_filters(found: Posterior, measurement: Measurement) -> Posterior:
         best, log_evidence = None, -math.inf
         plain = found.plain
         fit = found.fit
-        if plain != found.departing:
+        if plain != found.off_nominal:
             x = fit.x.copy()
-            moved = [measurement.place[name] for name in found.departing - plain]
+            moved = [measurement.place[name] for name in found.off_nominal - plain]
             x[moved] = measurement.nominal[moved]
-            fit = wide_fit(measurement, found.hypothesis, x, plain, relinearise=True)
+            fit = fit_with_prior_update(measurement, found.hypothesis, x, plain, relinearise=True)
         # tolerances of the bodies can absorb most of a filter, so that the residual shows it no more
-        hopeful, most = (HOPEFUL, _FITTED_FILTERS) if plain == found.departing else (math.inf, len(FILTERS))
+        hopeful, most = (HOPEFUL, _FITTED_FILTERS) if plain == found.off_nominal else (math.inf, len(FILTERS))
         likely = likely_filters(measurement.linearised(fit.x, plain), fit, hopeful)
         start = fit.x
         for name, value, late in likely[:most]:
@@ -245,19 +245,19 @@ def _with_filters(found: Posterior, measurement: Measurement) -> Posterior:
             x[measurement.place[name]] = value
             x[measurement.place[DELAY]] += late
             hypothesis = replace(found.hypothesis, filters=found.hypothesis.filters | {name})
-            departing = plain | {name, DELAY}
-            fit = wide_fit(measurement, hypothesis, x, departing, relinearise=True)
+            off_nominal = plain | {name, DELAY}
+            fit = fit_with_prior_update(measurement, hypothesis, x, off_nominal, relinearise=True)
             if best is not None:
-                fit = wide_fit(
+                fit = fit_with_prior_update(
                     measurement,
                     hypothesis,
                     fit.x,
-                    departing,
+                    off_nominal,
                     inflation=best.inflation,
                     scale=best.scale,
                     relinearise=True,
                 )
-            value = QuadraticEvidence(measurement, fit, fit.inflation)(departing) + fit.log_likelihood
+            value = QuadraticEvidence(measurement, fit, fit.inflation)(off_nominal) + fit.log_likelihood
             if best is None or value > log_evidence:
                 best, log_evidence = fit, value
         if best is None or log_evidence <= _log_evidence(measurement, found, best):
@@ -277,13 +277,13 @@ def _log_evidence(measurement: Measurement, found: Posterior, like: Fit) -> floa
         measurement,
         found.hypothesis,
         found.fit.x,
-        found.departing,
+        found.off_nominal,
         iterations=0,
         inflation=inflation,
         scale=scale,
         relinearise=True,
     )
-    return QuadraticEvidence(measurement, same, inflation)(found.departing) + same.log_likelihood
+    return QuadraticEvidence(measurement, same, inflation)(found.off_nominal) + same.log_likelihood
 
 
 def _likelier(one: Posterior, other: Posterior) -> Posterior:
@@ -358,20 +358,20 @@ class _Search:
     def run(self) -> Posterior:
         """Return the posterior."""
         m, full = self.measurement, self.full
-        first = choose(m, full, full.inflation).departing
+        first = choose(m, full, full.inflation).off_nominal
         best = self._refit(full.x, first)
         tried = {first}
         always = undeclared_filters(m, full)
         if m.record.one_speed:
-            for departing, x in self._ends(first):
-                best = max(best, self._refit(x, departing), key=lambda each: each[0])
-                tried.add(departing)
+            for off_nominal, x in self._ends(first):
+                best = max(best, self._refit(x, off_nominal), key=lambda each: each[0])
+                tried.add(off_nominal)
         for _ in range(_ROUNDS):
-            value, fit, departing = best
-            choice = choose(m, fit, full.inflation, departing)
-            queue = [(choice.departing, fit.x), *((s, fit.x) for _, s in choice.rivals[:2])]
-            for name in sorted(departing - always):
-                queue += self._without(fit, departing, name)
+            value, fit, off_nominal = best
+            choice = choose(m, fit, full.inflation, off_nominal)
+            queue = [(choice.off_nominal, fit.x), *((s, fit.x) for _, s in choice.rivals[:2])]
+            for name in sorted(off_nominal - always):
+                queue += self._without(fit, off_nominal, name)
             queue = [(s, x) for s, x in queue if s not in tried and not is_one(m, s)]
             tried |= {s for s, _ in queue}
             if not queue:
@@ -380,20 +380,22 @@ class _Search:
             if new[0] <= value:
                 break
             best = new
-        value, fit, departing = best
-        near = choose(m, fit, full.inflation, departing)
-        rivals = tuple(each for each in near.rivals if each[1] != departing)
-        if near.departing != departing:
-            rivals = ((near.log_evidence, near.departing), *rivals)
-        choice = Choice(departing, value, rivals)
-        return Posterior(m.linearised(fit.x, departing), self.configured, fit, choice, value, tuple(self.fits[1:]))
+        value, fit, off_nominal = best
+        near = choose(m, fit, full.inflation, off_nominal)
+        rivals = tuple(each for each in near.rivals if each[1] != off_nominal)
+        if near.off_nominal != off_nominal:
+            rivals = ((near.log_evidence, near.off_nominal), *rivals)
+        choice = Choice(off_nominal, value, rivals)
+        return Posterior(m.linearised(fit.x, off_nominal), self.configured, fit, choice, value, tuple(self.fits[1:]))
 
-    def _refit(self, x: FloatArray, departing: Departures) -> tuple[float, Fit, Departures]:
+    def _refit(self, x: FloatArray, off_nominal: Departures) -> tuple[float, Fit, Departures]:
         full = self.full
         m, hypothesis = self.measurement, self.top.hypothesis
-        fit = wide_fit(m, hypothesis, x, departing, inflation=full.inflation, scale=full.scale, relinearise=True)
-        value = QuadraticEvidence(m, fit, full.inflation)(departing) + fit.log_likelihood
-        return value, fit, departing
+        fit = fit_with_prior_update(
+            m, hypothesis, x, off_nominal, inflation=full.inflation, scale=full.scale, relinearise=True
+        )
+        value = QuadraticEvidence(m, fit, full.inflation)(off_nominal) + fit.log_likelihood
+        return value, fit, off_nominal
 
     def _ends(self, first: Departures) -> list[tuple[Departures, FloatArray]]:
         """Return two starts, delay alone and zero alone: at one speed only zero + speed * delay is identifiable."""
@@ -407,17 +409,17 @@ class _Search:
             out.append((frozenset((first & set(_BESIDE_ZERO)) | {name}), x))
         return out
 
-    def _without(self, fit: Fit, departing: Departures, name: str) -> list[tuple[Departures, FloatArray]]:
+    def _without(self, fit: Fit, off_nominal: Departures, name: str) -> list[tuple[Departures, FloatArray]]:
         """Return starts without the departure `name`; for zero or delay also with the other in its place."""
         m = self.measurement
         k = m.place[name]
         x = fit.x.copy()
         away = float(x[k] - m.nominal[k])
         x[k] = m.nominal[k]
-        out = [(departing - {name}, x)]
+        out = [(off_nominal - {name}, x)]
         if name in (ZERO, DELAY):
             other, value = (DELAY, away / self.speed) if name == ZERO else (ZERO, away * self.speed)
             moved = x.copy()
             moved[m.place[other]] += value
-            out.append((departing - {name} | {other}, moved))
+            out.append((off_nominal - {name} | {other}, moved))
         return out

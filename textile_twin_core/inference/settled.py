@@ -91,16 +91,16 @@ def settled_sensors(posterior: Posterior, both_directions: bool = False) -> froz
         both_directions: the shaft turns in both directions, so that an offset differs from friction.
     """
     m = posterior.measurement
-    free = {*posterior.departing, GAIN, COULOMB, *(p.name for p in m.parameters if p.kind in OF_A_LAW)}
+    free = {*posterior.off_nominal, GAIN, COULOMB, *(p.name for p in m.parameters if p.kind in OF_A_LAW)}
     if m.model.depends_on_angle():
         free |= {ZERO}
     if m.record.one_speed:
-        kept = DELAY if DELAY in posterior.departing and ZERO not in posterior.departing else ZERO
+        kept = DELAY if DELAY in posterior.off_nominal and ZERO not in posterior.off_nominal else ZERO
         free = (free - {ZERO, DELAY}) | ({kept} if kept == DELAY or ZERO in free else set())
     else:
         free |= {DELAY, VISCOUS}
     if m.record.speed_controlled and not m.model.shaft_inertias.isdisjoint(free):
         free -= {DELAY}
-    if both_directions or (m.record.standstills and HELD not in posterior.departing):
+    if both_directions or (m.record.standstills and HELD not in posterior.off_nominal):
         free |= {OFFSET}
     return frozenset(free)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.inference.map_fit import Fit, wide_fit
+from textile_twin_core.inference.map_fit import Fit, fit_with_prior_update
 from textile_twin_core.inference.measurement import Hypothesis, Measurement
 from textile_twin_core.inference.parameter import (
     BESIDE,
@@ -86,9 +86,9 @@ def hypotheses(measurement: Measurement, configured: Hypothesis, ratios: tuple[f
         x[measurement.place[ROTOR]] = max(inertia, 0.0)
         if np.count_nonzero(coarse.expected(hypothesis, x).good) < len(free):
             continue  # a high pass settles in no stretch of a record with gaps
-        fit = wide_fit(coarse, hypothesis, x, free, free=free)
+        fit = fit_with_prior_update(coarse, hypothesis, x, free, free=free)
         if measurement.record.one_speed and DELAY not in free:
-            beside = wide_fit(coarse, hypothesis, fit.x, free | {DELAY}, free=free | {DELAY})
+            beside = fit_with_prior_update(coarse, hypothesis, fit.x, free | {DELAY}, free=free | {DELAY})
             fit = beside if beside.rms < _BESIDE_ZERO * fit.rms else fit
         found.append(_in_nearest_unit(coarse, fit, configured))
     if not found:

@@ -155,8 +155,8 @@ class TabulatedTorque:
         torque = sum((table[EVEN + p] + table[ODD + p]) * w**p for p in _POWERS)
         return bool(np.ptp(torque) > 1e-12 * np.max(np.abs(table[INERTIA])) * w**2 or self._backings)
 
-    def linearised(self, values: Mapping[str, float], departing: Collection[str]) -> Linearisation:
-        """Evaluate the tables near the values of the departing parameters, at the nominal values of all others.
+    def linearised(self, values: Mapping[str, float], off_nominal: Collection[str]) -> Linearisation:
+        """Evaluate the tables near the values of the off_nominal parameters, at the nominal values of all others.
 
         The values are rounded to a grid, so that a step too small to matter needs no new table, and the result depends
         on the values alone. Where no linkage of these lengths closes, the nominal table serves. The slopes stay those
@@ -164,7 +164,7 @@ class TabulatedTorque:
         """
         here = {p.name: p.nominal for p in self.tabulated}
         for p in self.tabulated:
-            if p.name in departing:
+            if p.name in off_nominal:
                 step = _MOVED * p.departure
                 here[p.name] = max(p.nominal + step * round((values[p.name] - p.nominal) / step), p.low)
         key = tuple(here.values())

@@ -245,7 +245,7 @@ class Motion:
         for link in self.links.values():
             if link.start == point:
                 return link, 0.0
-        raise MachineError(f"point '{point}' is fixed to no link: no force can act there, and nothing be hung on it")
+        raise MachineError(f"point '{point}' is fixed to no link: no force can act there, and nothing be mounted on it")
 
     def add_link(self, link: LinkMotion, made_by: str) -> None:
         """Add a new link. Raises MachineError if the name is taken."""

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from textile_twin_core.comparison import Comparison, is_as_told, summary_rows, verdict_lines
+from textile_twin_core.comparison import Comparison, agrees_with_file, summary_rows, verdict_lines
 from textile_twin_core.comparison.orders import OrderMap
 from textile_twin_core.driveline import Resonances, elastic_shaft, find_resonances
 from textile_twin_core.errors import RecordingError
@@ -86,7 +86,7 @@ def write_report(
     parts = [
         f"<h1>{escape(title)}</h1>",
         f'<p class="about">{escape(f"{machine.name}: {machine.description}".rstrip(": "))}</p>',
-        f'<div class="verdict{" good" if is_as_told(comparison) else ""}"><ul>',
+        f'<div class="verdict{" good" if agrees_with_file(comparison) else ""}"><ul>',
         *(f"<li>{escape(line)}</li>" for line in lines),
         "</ul></div>",
         "<h2>Torque, measured and predicted</h2>",
