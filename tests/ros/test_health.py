@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 
 import numpy as np
 import pytest
@@ -153,11 +152,11 @@ def test_a_joint_that_no_message_has_is_named(others: list[str] | None, silent_s
     assert all(finding.level == ERROR and words in finding.text for finding in findings)
 
 
-@pytest.mark.parametrize(("received_ns", "is_late"), [(0, False), (time.time_ns() - 3_000_000_000, True)])
+@pytest.mark.parametrize(("received_ns", "is_late"), [(0, False), (1, True)])
 def test_only_a_stated_time_of_reception_makes_a_node_late(
     received_ns: int, is_late: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Cyclone DDS states none, which is 0."""
+    """Cyclone DDS states none, which is 0; any other time is of long ago."""
     source = SampleInput.__new__(SampleInput)
     source._subscription = source._message_class = None  # type: ignore[assignment]
     taken = (b"raw", {"received_timestamp": received_ns, "source_timestamp": 5})
