@@ -12,9 +12,10 @@ from tests.generators.mill_recordings import healthy, torque_of
 from tests.generators.planned_motion import run_up_and_down
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.comparison.shaft_track import ShaftTrack
+from textile_twin_core.inference.chain import torque_filter
 from textile_twin_core.inference.map_fit import Fit, map_fit
 from textile_twin_core.inference.measurement import Hypothesis, Measurement
-from textile_twin_core.inference.parameter import GAIN, OFFSET
+from textile_twin_core.inference.parameter import BUTTERWORTH, GAIN, HIGH_PASS, LOW_PASS, OFFSET
 from textile_twin_core.inference.priors import WorkingPoint, parameters
 from textile_twin_core.inference.record import Record, Standstill
 from textile_twin_core.inference.torque_model import TabulatedTorque
@@ -86,3 +87,14 @@ def test_a_model_is_right_about_the_values_of_its_linearisation(share: float) ->
     size = float(np.abs(truth.torque_Nm).max())
     shown = m.linearised(x, (LENGTH,)).expected(AS_CONFIGURED, x)
     np.testing.assert_allclose(shown.torque_Nm, truth.torque_Nm, atol=1e-4 * size)
+
+
+@pytest.mark.parametrize(("low_pass", "value"), [(LOW_PASS, 0.08), (BUTTERWORTH, 0.08)])
+def test_a_search_may_try_a_high_pass_above_the_low_pass(low_pass: str, value: float) -> None:
+    """No sensor has one: its corner is taken just below that of the low pass, and every other value is kept."""
+    none = dict.fromkeys((LOW_PASS, BUTTERWORTH, HIGH_PASS), 0.0)
+    corner = 1.0 / (2.0 * np.pi * value)
+    found = torque_filter({**none, low_pass: value, HIGH_PASS: 3.4})
+    assert 0.5 * corner < found.high_pass_hz < corner
+    assert torque_filter({**none, low_pass: value, HIGH_PASS: 0.3}).high_pass_hz == 0.3
+    assert torque_filter({**none, HIGH_PASS: 3.4}).high_pass_hz == 3.4

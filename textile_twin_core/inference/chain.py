@@ -25,14 +25,22 @@ _BREAK = 20.0
 _SETTLING = 0.25
 """Largest share of a run in which a filter settles; a high pass starts from the mean of the coming torques."""
 _NO_FILTER = 1e-7
+_BELOW_LOW_PASS = 0.9
+"""Largest corner of a high pass, over that of the low pass."""
 _CACHED = 2
 
 State = tuple[FloatArray, FloatArray, FloatArray]
 
 
 def torque_filter(values: Mapping[str, float]) -> TorqueFilter:
-    """Return the filter of the torque sensor with these values of the parameters."""
+    """Return the filter of the torque sensor with these values of the parameters.
+
+    A search may try a high pass above the low pass, which no sensor has: its corner is brought below that of the low
+    pass.
+    """
     first, second, high = (values[name] if values[name] > _NO_FILTER else 0.0 for name in FILTERS)
+    if first or second:
+        high = min(high, _BELOW_LOW_PASS / (TURN * (second or first)))
     if second:
         return TorqueFilter(low_pass_hz=1.0 / (TURN * second), low_pass_order=2, high_pass_hz=high)
     return TorqueFilter(low_pass_s=first, high_pass_hz=high)
