@@ -26,7 +26,7 @@ from textile_twin_core.machine import Machine
 from textile_twin_core.recordings import BagWriter
 
 DELAY_S, FRICTION = 0.0026, Friction(0.01, 0.25)
-DURATION_S = 16.0
+DURATION_S = 24.0
 
 
 @dataclass(frozen=True)

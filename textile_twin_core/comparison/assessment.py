@@ -11,7 +11,7 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.comparison.causes import NOT_THIS_MACHINE, Cause, Quantity, burst_verdict, causes, quantities
 from textile_twin_core.comparison.elastic_hypothesis import RIGID_NOTE, elastic_cause, elastic_hypothesis
 from textile_twin_core.comparison.evidence import REST_SHARE, Evidence, Settings
-from textile_twin_core.comparison.force_law import ForceLawCause, explained_at_once, explained_by_force_law
+from textile_twin_core.comparison.force_law import ForceLawCause, explained_by_force_law
 from textile_twin_core.comparison.judged import Judged, best_periodic
 from textile_twin_core.comparison.motion_uncertainty import uncertain_ripple
 from textile_twin_core.comparison.range_ends import at_range_ends, range_end_note
@@ -146,15 +146,14 @@ def _assess(readings: Readings, machine: Machine, track: ShaftTrack | None) -> A
     if twisting is not None:
         # Fits of a rigid machine would explain the vibration by false inertias and sensors.
         return Assessment(unit, None, (elastic_cause(twisting),), (RIGID_NOTE,))
-    law = _law_at_once(evidence, machine)
-    found = _judged(readings, machine, terms, unit, evidence) if law is None else law.judged
+    found = _judged(readings, machine, terms, unit, evidence)
     # without a linkage another unit of the angle is the same as another inertia
     rotor = found is not None and found.whole_turns
     if not unit.wrapped and not rotor and (found is None or found.explained < 0.9):
         unit, found = _other_unit(readings, machine, terms, (unit, found))
     if found is None:
         return Assessment(unit, None, (), ("no setting of encoder and torque sensor gives any accord",))
-    law = law or explained_by_force_law(found, machine)
+    law = explained_by_force_law(found, machine)
     if law is not None:
         found = law.judged
     evidence = found.evidence
@@ -176,15 +175,6 @@ def _assess(readings: Readings, machine: Machine, track: ShaftTrack | None) -> A
             notes = (*notes, _PITCH)
         named = judged
     return Assessment(unit, found, tuple(named), notes, quantities(found, named), law)
-
-
-def _law_at_once(evidence: Evidence, machine: Machine) -> ForceLawCause | None:
-    """Return the force law that explains the record where no other cause can; None leaves the question open."""
-    configured = hypothesis_of(machine)
-    if torque_by_speed(evidence.in_blocks().thinned(_MOST_GOVERNED), configured.delay_s):
-        return None
-    law = explained_at_once(evidence, record_of(evidence), machine, configured, _encoder_turn(machine))
-    return None if law is None or _time_lines(evidence, law.judged.posterior) else law
 
 
 def _judged(

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from textile_twin_core.comparison.causes import NOT_THIS_MACHINE
-from textile_twin_core.comparison.evidence import Evidence
 from textile_twin_core.comparison.judged import Judged, best_periodic
 from textile_twin_core.dynamics.loads.force_curve import POSITION
 from textile_twin_core.inference.evidence import QuadraticEvidence
@@ -22,10 +21,8 @@ from textile_twin_core.inference.force_law import (
     place_of,
 )
 from textile_twin_core.inference.map_fit import Fit, map_fit
-from textile_twin_core.inference.measurement import Hypothesis
 from textile_twin_core.inference.parameter import GAIN
-from textile_twin_core.inference.posterior import IMPLAUSIBLE_NATS, Posterior, without_search
-from textile_twin_core.inference.record import Record
+from textile_twin_core.inference.posterior import IMPLAUSIBLE_NATS, Posterior
 from textile_twin_core.machine import Machine
 
 _TRIED = 0.002
@@ -38,8 +35,6 @@ _SCALE = 0.02
 """Relative standard deviation of the whole curve from which its scale counts as not determined."""
 _TIED = 0.9
 """Correlation of the gain with that scale above which the two are not distinguishable."""
-_BETTER, _WHITE = 0.5, 1.5
-"""Unexplained share of the first fit of a law, over that without it, and inflation of the last, that need no search."""
 _LOG_ODDS = math.log(0.05)
 """Odds that a load's force depends on its measure: most do, and most hardly differ from a constant one."""
 
@@ -96,39 +91,6 @@ def _names(machine: Machine) -> list[str]:
     taken = {measure_of(load) for load in machine.loads}
     free = [f"{each.name}{POSITION}" for each in machine.measures if f"{each.name}{POSITION}" not in taken]
     return [*(load_name(load) for load in machine.loads if measure_of(load)), *free]
-
-
-def explained_at_once(
-    evidence: Evidence, record: Record, machine: Machine, configured: Hypothesis, encoder_turn_rad: float
-) -> ForceLawCause | None:
-    """Explain a record by a force over a measure where no departures of the file can; None leaves that open.
-
-    The search for departures is then needless: the law is likelier than the best fit of all departures together. It
-    must explain the whole record, as the filters of a torque sensor are not searched here.
-    """
-    names = _names(machine)
-    if not names or machine.shaft is not None:
-        return None
-    bound = without_search(record, machine, configured)
-
-    def judged(posterior: Posterior) -> Judged:
-        return Judged(evidence, posterior, 1.0, encoder_turn_rad, posterior.explained, 0.0)
-
-    if judged(bound).unexplained < _TRIED:
-        return None
-    least = max(_AT_FIRST, 1.0 - _BETTER * (1.0 - bound.explained))
-    for name in names:
-        place, rest = place_of(machine, name)
-        law = likely_curve(bound, rest, place, least)
-        if law is None:
-            continue
-        p, fit = law.posterior, law.posterior.fit
-        same = bound.measurement.on(p.measurement.record)
-        other = map_fit(same, configured, bound.fit.x, same.names, inflation=fit.inflation, scale=fit.scale)
-        likelier = p.log_evidence - other.log_likelihood + _LOG_ODDS > 0.0
-        if likelier and fit.inflation < _WHITE and p.prior_cost <= IMPLAUSIBLE_NATS and judged(p).unexplained < _TRIED:
-            return ForceLawCause(judged(p), law.curve, key_of(law.curve, machine), _text(law.curve, machine))
-    return None
 
 
 def _gain(p: Posterior, law: CurvePosterior) -> float:

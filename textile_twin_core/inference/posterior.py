@@ -56,8 +56,6 @@ _BLOCKED_MEAN = 0.8
 """Share of the torque's variance below which a sensor that blocks the mean is a hypothesis."""
 _CLEARLY = 0.5
 """Unexplained share, over that without a high pass, below which its departures are searched."""
-_BOUND_SAMPLES, _BOUND_ITERATIONS = 3000, 4
-"""Samples of the first fit of all parameters together, and most iterations of the last."""
 _HYPOTHESES, _AS_GOOD = 3, 0.01
 """Number of discrete hypotheses to search while all are implausible; share of variance that a later one may lack."""
 _BESIDE_ZERO = (GAIN, DRIFT, COULOMB, OFFSET)
@@ -189,17 +187,6 @@ def infer(
 def _differs(found: Posterior) -> bool:
     """Return true for another direction, ratio, sign or unit than configured."""
     return (found.hypothesis.turn, found.hypothesis.gain) != (found.configured.turn, found.configured.gain)
-
-
-def without_search(record: Record, machine: Machine, configured: Hypothesis) -> Posterior:
-    """Fit all parameters with the priors of departures under the configured hypothesis, without a search.
-
-    No departures of this hypothesis explain the record better; the posterior names none of them.
-    """
-    m = _measurement(record, machine, configured)
-    fit = map_fit(m.on(m.record.thinned(_BOUND_SAMPLES)), configured, m.nominal, m.names)
-    fit = map_fit(m, configured, fit.x, m.names, iterations=_BOUND_ITERATIONS)
-    return Posterior(m, configured, fit, Choice(frozenset(m.names), fit.log_likelihood, ()), fit.log_likelihood, ())
 
 
 def _inferred(measurement: Measurement, configured: Hypothesis, ratios: tuple[float, ...]) -> Posterior | None:
