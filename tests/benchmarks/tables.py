@@ -128,7 +128,7 @@ def shaft_lines(rows: Sequence[ShaftRow]) -> str:
         f"{rows[0].machine}: RMS error of the torque of inertia and weight over its peak, from an encoder's angles"
         f" ({RATE_HZ:g} Hz,",
         f"stamps wrong by {JITTER_S * 1e6:g} us, {DROPPED:.0%} of the samples lost); sigma: share of samples within"
-        " the sigma that is told (68 % would be right)",
+        " the stated sigma (68 % would be right)",
     ]
     for (load, rpm), block in _matrices(rows).items():
         columns = list(dict.fromkeys((row.bits, row.rpm) for row in block))

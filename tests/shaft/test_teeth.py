@@ -50,10 +50,10 @@ def test_the_reported_ripple_is_the_shafts() -> None:
     """Beside that of the same shaft on a wheel without pitch errors, in the orders of the turn; taken whole: 0.0012."""
     off = []
     for seed in (0, 1, 3, 5, 6):
-        truth, told, undetermined = (
+        truth, stated, unknown = (
             _ripple(kind, seed, teeth)[1::2] for kind, teeth in (("teeth", 0), ("pitch", TEETH), ("pitch", 0))
         )
-        off.append([np.sqrt(np.mean((found - truth) ** 2)) for found in (told, undetermined)])
+        off.append([np.sqrt(np.mean((found - truth) ** 2)) for found in (stated, unknown)])
     assert np.all(np.median(off, axis=0) < 0.0009)
 
 

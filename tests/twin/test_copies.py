@@ -46,8 +46,8 @@ def machine(request: pytest.FixtureRequest) -> AnyMachine:
 
 def _outputs(machine: AnyMachine) -> list[str]:
     """Return outputs of each kind that the machine has."""
-    undetermined = getattr(machine, "missing_for_torque", ())
-    return [name for name in machine.outputs if not undetermined or name.endswith(("_m", "_m_s", "_m_s2", "_rad"))][::5]
+    missing = getattr(machine, "missing_for_torque", ())
+    return [name for name in machine.outputs if not missing or name.endswith(("_m", "_m_s", "_m_s2", "_rad"))][::5]
 
 
 def _motion(machine: AnyMachine) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
