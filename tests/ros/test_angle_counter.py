@@ -13,9 +13,8 @@ import textile_twin_core as ttc
 from tests.ros.suite import RELIABLE, Suite
 from tests.ros.test_live_topics import joint_state
 from textile_twin_core.machine import with_encoder
-from textile_twin_ros.sample_inputs import Sample
+from textile_twin_ros.inputs import AngleInput, Sample
 from textile_twin_ros.sensor_parameters import SensorParameters
-from textile_twin_ros.shaft_inputs import AngleInput
 
 STEP_RAD = 2.0 * np.pi / 4000.0
 

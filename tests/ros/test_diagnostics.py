@@ -15,7 +15,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from tests.ros.suite import RELIABLE, Suite
 from textile_twin_core.recordings.message_types import WRENCH
-from textile_twin_ros import diagnostics, endpoints, sample_inputs
+from textile_twin_ros import diagnostics, endpoints, inputs, messages
 from textile_twin_ros.diagnostics import OK, STALE, WARN, DiagnosticsPublisher, InputWatch, Status
 from textile_twin_ros.endpoints import describe_publishers
 
@@ -45,9 +45,9 @@ def test_publishers_are_reported_by_their_names_which_may_come_late(
     suite: Suite, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     node, now = suite.node(), [100.0]
-    monkeypatch.setattr(sample_inputs, "monotonic", lambda: now[0])
-    kind = sample_inputs.TORQUE_READERS["wrench"]
-    source = sample_inputs.SampleInput(node, "torque", kind, "", 10, "auto", lambda: 60.0, lambda block: None)
+    monkeypatch.setattr(inputs, "monotonic", lambda: now[0])
+    kind = messages.TORQUE_READERS["wrench"]
+    source = inputs.SampleInput(node, "torque", kind, "", 10, "auto", lambda: 60.0, lambda block: None)
     drive = TopicEndpointInfo(node_name="drive", node_namespace="/", topic_type=WRENCH)
     late = TopicEndpointInfo(
         node_name="_NODE_NAME_UNKNOWN_", node_namespace="_NODE_NAMESPACE_UNKNOWN_", topic_type=WRENCH

@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("rclpy")
 
 from textile_twin_core.shaft import SampleReport
-from textile_twin_ros import sample_inputs
+from textile_twin_ros import inputs
 from textile_twin_ros.diagnostics import ERROR, OK, STALE, WARN, Status
 from textile_twin_ros.health import (
     CountWindow,
@@ -28,7 +28,7 @@ from textile_twin_ros.health import (
     unit_findings,
     with_findings,
 )
-from textile_twin_ros.sample_inputs import SampleInput
+from textile_twin_ros.inputs import SampleInput
 
 
 def level(growth: dict[str, float]) -> bytes:
@@ -160,6 +160,6 @@ def test_only_a_stated_time_of_reception_makes_a_node_late(
     source = SampleInput.__new__(SampleInput)
     source._subscription = source._message_class = None  # type: ignore[assignment]
     taken = (b"raw", {"received_timestamp": received_ns, "source_timestamp": 5})
-    monkeypatch.setattr(sample_inputs, "take_next", lambda *_: taken)
+    monkeypatch.setattr(inputs, "take_next", lambda *_: taken)
     assert source._next() == b"raw"
     assert bool(late_findings(source._late_s)) == is_late

@@ -20,9 +20,9 @@ from tests.ros.suite import RELIABLE, Suite
 from textile_twin_core.comparison.residual import ResidualStream
 from textile_twin_core.contact import ContactEvent
 from textile_twin_core.twin.predictor import StampedEvent
-from textile_twin_ros.publishing import PublishQueue, RCLError, retry_publish
-from textile_twin_ros.twin_outputs import ResidualMessages
-from textile_twin_ros.twin_stream import TwinStream
+from textile_twin_ros.messages import WrenchTemplate
+from textile_twin_ros.outputs import PublishQueue, TwinStream
+from textile_twin_ros.publishing import RCLError, retry_publish
 
 
 class Busy:
@@ -83,7 +83,7 @@ def test_no_refusal_of_a_residual_or_a_contact_event_ends_the_node() -> None:
     stream.subscribers = Counter(dict.fromkeys(names, 1))
     busy = {name: Busy(given.append, 1) for name in names}
     stream._queues = {name: PublishQueue(busy[name], 10) for name in names}
-    stream._machine, stream._residual_messages = "loom", ResidualMessages()
+    stream._machine, stream._residual_message = "loom", WrenchTemplate("main_shaft").message
     event = ContactEvent(0.0, "impact", "stop", ("a", "b"), 0.0)
     stream._session = SimpleNamespace(take_events=lambda: [StampedEvent(5, event)])
     residuals = ResidualStream(ttc.machines.tufting().sensors.torque)

@@ -26,7 +26,7 @@ from tests.ros.test_live_topics import joint_state, stamp_of
 from textile_twin_core.machine import EvenShaft, ShaftPlace
 from textile_twin_ros.endpoints import latched_qos
 from textile_twin_ros.machine_namespace import published_by_twins
-from textile_twin_ros.twin_outputs import topics_of
+from textile_twin_ros.outputs import topics_of
 
 MACHINE = """
 machine: tufting

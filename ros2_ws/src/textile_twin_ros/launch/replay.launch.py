@@ -28,7 +28,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 from textile_twin_core.recordings import open_bag
 from textile_twin_ros.machine import load_machine
-from textile_twin_ros.twin_outputs import topics_of
+from textile_twin_ros.outputs import topics_of
 
 INPUTS = ["main_shaft/angle", "main_shaft/second_angle", "balancing_torque/measured"]
 # Queues hold some minutes of 500 Hz: a busy computer then delays but loses nothing.

@@ -35,7 +35,7 @@ from textile_twin_core.machine import AnyMachine
 from textile_twin_core.machine.linkage_row import linkage_row
 from textile_twin_core.mechanism import Travel
 from textile_twin_ros.endpoints import latched_qos
-from textile_twin_ros.twin_outputs import BASE_FRAME
+from textile_twin_ros.outputs import BASE_FRAME
 
 _PATH_POINTS = 361
 _LINE_M = 0.001

@@ -23,10 +23,11 @@ therefore read at the places found in the first of them, and sent as patched cop
 from __future__ import annotations
 
 import importlib
+import math
 import struct
 import sys
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -87,8 +88,8 @@ class FieldReader:
         self._filled: list[bool] = []
         self._values = _STAMP
 
-    def read(self, raw: bytes) -> tuple[int, list[float | None]]:
-        """Stamp [ns] and the values asked for, None for each that the message does not have.
+    def read(self, raw: bytes) -> tuple[int, Sequence[float]]:
+        """Stamp [ns] and the values asked for, NaN for each that the message does not have.
 
         Raises:
             MessageError: the bytes are no message of this type, or lack what is to be read.
@@ -104,7 +105,7 @@ class FieldReader:
             raise MessageError("has a stamp of a whole second or more in its nanoseconds")
         if self._filled:
             found = iter(values)
-            values = [next(found) if filled else None for filled in self._filled]
+            values = [next(found) if filled else math.nan for filled in self._filled]
         return seconds * SECOND_NS + nanoseconds, values
 
     def _learn(self, raw: bytes) -> None:
@@ -173,7 +174,7 @@ class PositionsReader(FieldReader):
     def positions(self, raw: bytes) -> tuple[int, list[float]]:
         """Stamp [ns] and positions. Raises MessageError for a message that lacks one."""
         stamp, found = self.read(raw)
-        return stamp, [float(found[k] or 0.0) for k in self._order]
+        return stamp, [found[k] for k in self._order]
 
 
 class TorqueReader(FieldReader):
@@ -190,15 +191,34 @@ class HeaderReader(FieldReader):
         super().__init__(HEADER, lambda _: [])
 
 
-def read_float64(raw: bytes) -> float:
-    """The number in a std_msgs/Float64.
+def read_float64(raw: bytes) -> tuple[None, tuple[float]]:
+    """No stamp, and the number in a std_msgs/Float64.
 
     Raises:
         MessageError: the bytes are no such message.
     """
     if len(raw) < 12:
         raise MessageError(f"is no {FLOAT64}: it ends too early")
-    return float(struct.unpack_from("<d" if raw[1] else ">d", raw, 4)[0])
+    return None, struct.unpack_from("<d" if raw[1] else ">d", raw, 4)
+
+
+#: Returns stamp [ns], None in a message without one, and values.
+Read: TypeAlias = Callable[[bytes], tuple[int | None, Sequence[float]]]
+#: Message type, and what makes a reader of it for a joint.
+Kind: TypeAlias = tuple[str, Callable[[str], Read]]
+#: Events that have a stamp alone: edges of a toothed wheel, index pulses.
+EDGES: Kind = (HEADER, lambda _: HeaderReader().read)
+#: Readers of a value and, where the message has it, its rate, by the value of the parameter.
+ANGLE_READERS: dict[str, Kind] = {
+    "joint_state": (JOINT_STATE, lambda joint: JointReader(joint, ("position", "velocity")).read),
+    "float64": (FLOAT64, lambda _: read_float64),
+    "edges": EDGES,
+}
+TORQUE_READERS: dict[str, Kind] = {
+    "wrench": (WRENCH, lambda _: TorqueReader().read),
+    "joint_state": (JOINT_STATE, lambda joint: JointReader(joint, ("effort",)).read),
+    "float64": (FLOAT64, lambda _: read_float64),
+}
 
 
 class _Template:

@@ -33,14 +33,13 @@ from textile_twin_core.twin.restart import RestartWatch
 from textile_twin_ros.diagnostics import ERROR, OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for
 from textile_twin_ros.health import Finding, TurnWatch, sample_counts, with_findings
+from textile_twin_ros.inputs import AngleInput, Sample, TorqueInput
 from textile_twin_ros.machine import load_linkage
 from textile_twin_ros.monitor_records import FaultLog, TrendFolder
 from textile_twin_ros.node_runner import EXECUTORS, call_every, run
 from textile_twin_ros.parameters import declare, parameter
 from textile_twin_ros.process_topics import ProcessTopics
-from textile_twin_ros.sample_inputs import Sample
 from textile_twin_ros.sensor_parameters import SensorParameters
-from textile_twin_ros.shaft_inputs import AngleInput, TorqueInput
 
 _LOOK_S = 1.0
 _RENEW_S = 0.05

@@ -51,8 +51,8 @@ from textile_twin_ros.opcua_security import (
     ServerSecurityParameters,
     declare_connection,
 )
+from textile_twin_ros.outputs import Thinning
 from textile_twin_ros.parameters import parameter
-from textile_twin_ros.twin_outputs import Thinning
 
 if TYPE_CHECKING:
     from asyncua import Server
@@ -140,10 +140,10 @@ class OpcuaServerNode(Node):
                 self.counts["unfit"] += 1
                 return
             self._last_s = time.monotonic()
-            self._speed = speed if speed is not None and math.isfinite(speed) else 0.0
+            self._speed = speed if math.isfinite(speed) else 0.0
             if thinning.keeps(stamp_ns):
                 for name, value in (("ShaftAngle", angle), ("ShaftSpeed", speed)):
-                    if value is not None:
+                    if not math.isnan(value):
                         self._put(name, stamp_ns, value)
 
         def take_torque(name: str, reader: TorqueReader, thinning: Thinning, raw: bytes) -> None:
@@ -152,7 +152,7 @@ class OpcuaServerNode(Node):
             except MessageError:
                 self.counts["unfit"] += 1
                 return
-            if torque is not None and thinning.keeps(stamp_ns):
+            if not math.isnan(torque) and thinning.keeps(stamp_ns):
                 self._put(name, stamp_ns, torque)
 
         self.create_subscription(JointState, "joint_states", take_shaft, qos, raw=True)

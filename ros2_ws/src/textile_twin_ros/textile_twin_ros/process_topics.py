@@ -30,7 +30,7 @@ from textile_twin_ros.diagnostics import OK, Status
 from textile_twin_ros.endpoints import samples_qos
 from textile_twin_ros.machine_namespace import FORCE_PEAK, WORK
 from textile_twin_ros.messages import SECOND_NS
-from textile_twin_ros.publishing import PublishQueue
+from textile_twin_ros.outputs import PublishQueue
 
 _DEPTH = 1000
 

@@ -18,8 +18,6 @@
 
 from __future__ import annotations
 
-import time
-from collections import deque
 from collections.abc import Callable
 from typing import Any, TypeAlias
 
@@ -32,7 +30,6 @@ RCLError, UnknownROSArgsError = rclpy_implementation.RCLError, rclpy_implementat
 
 Publish: TypeAlias = Callable[[Any], None]
 _TRIES = 50
-_PAUSE_S = 0.05
 
 
 def retry_publish(publish: Publish) -> Publish:
@@ -55,42 +52,3 @@ def retry_publish(publish: Publish) -> Publish:
 def create_publish(node: Node, msgtype: type, topic: str, qos: QoSProfile) -> Publish:
     """Create a publisher for a thread beside the executor, and return its function as of `retry_publish`."""
     return retry_publish(node.create_publisher(msgtype, topic, qos).publish)
-
-
-class PublishQueue:
-    """Publisher for callbacks: refused messages wait, in their order, for the next call of `send` or `retry`.
-
-    Args:
-        publish: publishes one message.
-        depth: messages that wait at most; beyond it the oldest are dropped and counted in `dropped`.
-    """
-
-    def __init__(self, publish: Publish, depth: int) -> None:
-        self._publish, self._depth = publish, depth
-        self._waiting: deque[Any] = deque()
-        self._refused_s = 0.0
-        self.dropped = 0
-
-    def send(self, message: Any) -> None:
-        """Publish a message behind those that wait."""
-        if not self._waiting:
-            try:
-                return self._publish(message)
-            except RCLError:
-                self._refused_s = time.monotonic()
-        self._waiting.append(message)
-        if len(self._waiting) > self._depth:
-            self._waiting.popleft()
-            self.dropped += 1
-        return self.retry()
-
-    def retry(self) -> None:
-        """Publish the messages that wait, until one is refused; at most once in 50 ms."""
-        if not self._waiting or time.monotonic() - self._refused_s < _PAUSE_S:
-            return
-        try:
-            while self._waiting:
-                self._publish(self._waiting[0])
-                self._waiting.popleft()
-        except RCLError:
-            self._refused_s = time.monotonic()

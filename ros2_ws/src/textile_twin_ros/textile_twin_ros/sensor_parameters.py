@@ -21,8 +21,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from textile_twin_core.machine import ENCODER_OPTIONS
+from textile_twin_ros.messages import ANGLE_READERS, TORQUE_READERS
 from textile_twin_ros.parameters import parameter
-from textile_twin_ros.sample_inputs import ANGLE_READERS, TORQUE_READERS
 
 _FILE = "from the machine file"
 

@@ -37,12 +37,12 @@ from textile_twin_ros.endpoints import depth_for, samples_qos
 from textile_twin_ros.machine import load_machine
 from textile_twin_ros.messages import SECOND_NS, HeaderTemplate, JointTemplate, WrenchTemplate
 from textile_twin_ros.node_runner import EXECUTORS, finish_with, run
+from textile_twin_ros.outputs import TORQUE
 from textile_twin_ros.pacing import Pace
 from textile_twin_ros.parameters import declare, parameter
 from textile_twin_ros.publishing import Publish, create_publish
 from textile_twin_ros.sensor_parameters import EncoderParameters
 from textile_twin_ros.shaft_motion import TURN, Marks, SimulatedEncoder, SimulatedShaft, SimulatedTorqueSensor
-from textile_twin_ros.twin_outputs import TORQUE
 
 _LOOK_S = 0.05
 

@@ -35,16 +35,14 @@ from textile_twin_ros.description import Description
 from textile_twin_ros.diagnostics import OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import QUEUE_S, depth_for, publisher_name, refuse_own_outputs
 from textile_twin_ros.health import Finding, MeasuredTorque, with_findings
+from textile_twin_ros.inputs import AngleInput, Sample, SecondAngleInput, TorqueInput
 from textile_twin_ros.machine import load_machine
 from textile_twin_ros.machine_namespace import DESCRIPTIONS, INDEX, INPUTS, SECOND_ANGLE
 from textile_twin_ros.node_runner import EXECUTORS, call_every, ends_at_once, is_refusal, run
+from textile_twin_ros.outputs import TwinStream, topics_of
 from textile_twin_ros.parameters import declare, parameter
 from textile_twin_ros.publishing import RCLError
-from textile_twin_ros.sample_inputs import Sample
 from textile_twin_ros.sensor_parameters import SensorParameters
-from textile_twin_ros.shaft_inputs import AngleInput, SecondAngleInput, TorqueInput
-from textile_twin_ros.twin_outputs import topics_of
-from textile_twin_ros.twin_stream import TwinStream
 
 _LOOK_S = 0.1
 _ENDED_S = 0.5

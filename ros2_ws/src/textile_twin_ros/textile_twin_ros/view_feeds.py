@@ -28,8 +28,16 @@ from diagnostic_msgs.msg import DiagnosticArray
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.twin.predictor import StampedEvent
 from textile_twin_ros.contact_events import contact_events
-from textile_twin_ros.messages import SECOND_NS, MessageError, PositionsReader, stamp_of
-from textile_twin_ros.sample_inputs import ANGLE_READERS, TORQUE_READERS, Kind, Sample, SampleInput
+from textile_twin_ros.inputs import Sample, SampleInput
+from textile_twin_ros.messages import (
+    ANGLE_READERS,
+    SECOND_NS,
+    TORQUE_READERS,
+    Kind,
+    MessageError,
+    PositionsReader,
+    stamp_of,
+)
 
 if TYPE_CHECKING:
     from textile_twin_core.views import LiveElements, LiveView

@@ -35,10 +35,11 @@ from textile_twin_core.machine import ContactMachine
 from textile_twin_ros.contact_events import TOPIC as CONTACT_EVENTS
 from textile_twin_ros.diagnostics import ERROR, OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for, samples_qos
+from textile_twin_ros.inputs import Sample, SampleInput
 from textile_twin_ros.machine import load_linkage, load_machine
+from textile_twin_ros.messages import Kind
 from textile_twin_ros.node_runner import EXECUTORS, call_every, run
 from textile_twin_ros.parameters import declare, parameter
-from textile_twin_ros.sample_inputs import Kind, Sample, SampleInput
 from textile_twin_ros.view_feeds import ElementFeed, Feed, LinkageFeed
 
 _HAND_OVER_S = 0.05

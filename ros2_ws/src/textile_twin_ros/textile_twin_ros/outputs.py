@@ -14,23 +14,31 @@
 #
 # SPDX-License-Identifier: Apache-2.0
 
-"""Twin between its topics: one session, the publishers, and the outputs that listeners need."""
+"""Topics of the twin: one session of the engine, the outputs that listeners need, and how samples become messages."""
 
 from __future__ import annotations
 
 import math
-from collections import Counter
+import time
+from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from functools import partial
+from operator import itemgetter
+from typing import Any, TypeAlias
 
 import numpy as np
 from rclpy.event_handler import PublisherEventCallbacks, QoSPublisherMatchedInfo
 from rclpy.lifecycle import LifecycleNode, LifecyclePublisher
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
+import textile_twin_core as ttc
 from textile_twin_core.comparison.residual import Residual, ResidualStream, load_steps
 from textile_twin_core.machine import AnyMachine
+from textile_twin_core.recordings.message_types import FLOAT64, JOINT_STATE, POINT, WRENCH
+from textile_twin_core.recordings.predicted_topics import predicted_topics
 from textile_twin_core.shaft import SampleReport
+from textile_twin_core.twin import ElasticTwin, HistoryTwin, Twin, idle_twin
 from textile_twin_core.twin.session import Sample, has_second_encoder
 from textile_twin_ros import contact_events
 from textile_twin_ros.diagnostics import OK, WARN, Status
@@ -43,21 +51,174 @@ from textile_twin_ros.health import (
     state_level,
     with_findings,
 )
-from textile_twin_ros.messages import message_class
-from textile_twin_ros.publishing import Publish, PublishQueue
-from textile_twin_ros.twin_outputs import (
-    RESIDUAL_TOPIC,
-    SIGMA_TOPIC,
-    TORQUE,
-    Output,
-    ResidualMessages,
-    outputs_of,
-    topics_of,
-    twins_of,
+from textile_twin_ros.messages import (
+    SECOND_NS,
+    JointTemplate,
+    PointTemplate,
+    WrenchTemplate,
+    float_message,
+    message_class,
 )
+from textile_twin_ros.publishing import Publish, RCLError
 
+TORQUE = "balancing_torque_Nm"
+SHAFT_FRAME = "main_shaft"
+BASE_FRAME = "base"
+SIGMA_TOPIC = "balancing_torque/predicted_sigma"
+RESIDUAL_TOPIC = "balancing_torque/residual"
 _REPEAT_S = 10.0
 """Shortest time between reports on stamps that step to and fro [s]."""
+_PAUSE_S = 0.05
+
+CompiledTwin: TypeAlias = Twin | ElasticTwin | HistoryTwin
+Pack: TypeAlias = Callable[[Sample], bytes | None]
+
+
+@dataclass(frozen=True)
+class Output:
+    """One topic that the twin publishes from samples.
+
+    Attributes:
+        needs: the outputs of the engine that it is made of.
+        pack: returns the message of a sample; None where its rate leaves the sample out.
+    """
+
+    topic: str
+    msgtype: str
+    needs: tuple[str, ...]
+    pack: Pack
+
+
+def _torque_output(topic: str, output: str = TORQUE, frame: str = SHAFT_FRAME) -> Output:
+    message = WrenchTemplate(frame).message
+    return Output(topic, WRENCH, (output,), lambda sample: message(sample.stamp, sample.outputs[output]))
+
+
+def _sigma_output() -> Output:
+    message = WrenchTemplate(SHAFT_FRAME).message
+    return Output(SIGMA_TOPIC, WRENCH, (TORQUE,), lambda sample: message(sample.stamp, sample.torque_sigma_Nm))
+
+
+def _point_output(topic: str, point: str, z_m: float) -> Output:
+    needs = (f"point_{point}_x_m", f"point_{point}_y_m")
+    place, message = itemgetter(*needs), PointTemplate(BASE_FRAME, z_m).message
+    return Output(topic, POINT, needs, lambda sample: message(sample.stamp, *place(sample.outputs)))
+
+
+def _number_output(topic: str, output: str) -> Output:
+    return Output(topic, FLOAT64, (output,), lambda sample: float_message(sample.outputs[output]))
+
+
+def _joint_output(machine: AnyMachine, rate_hz: Callable[[], float]) -> Output:
+    """Positions and velocities of every joint of a machine, passive ones too, at a limited rate."""
+    message, keeps = JointTemplate(tuple(machine.joint_outputs)).full_message, Thinning(rate_hz).keeps
+    positions, velocities = zip(*machine.joint_outputs.values(), strict=True)
+    needs, count = (*positions, *velocities), len(positions)
+    values_of = itemgetter(*needs)
+
+    def pack(sample: Sample) -> bytes | None:
+        if not keeps(sample.stamp):
+            return None
+        values = values_of(sample.outputs)
+        return message(sample.stamp, values[:count], values[count:])
+
+    return Output("joint_states", JOINT_STATE, needs, pack)
+
+
+class Thinning:
+    """Chooses by their stamps which samples a limited rate leaves over.
+
+    Args:
+        rate_hz: returns the largest rate, 0 for no limit.
+    """
+
+    def __init__(self, rate_hz: Callable[[], float]) -> None:
+        self._rate_hz = rate_hz
+        self._slot: int | None = None
+
+    def keeps(self, stamp_ns: int) -> bool:
+        """True for the first sample in each period of the rate."""
+        rate = self._rate_hz()
+        if rate <= 0.0:
+            return True
+        slot = int(stamp_ns * rate) // SECOND_NS
+        first, self._slot = slot != self._slot, slot
+        return first
+
+
+def outputs_of(machine: AnyMachine, joint_rate_hz: Callable[[], float]) -> list[Output]:
+    """The topics that a machine has, without the residual.
+
+    Each measure of a linkage (needle, beater, sley) gives the topic of its point's position; for an elastic shaft see
+    `predicted_topics`.
+    """
+    topics = predicted_topics(machine)
+    outputs = [_torque_output("balancing_torque/predicted"), _sigma_output()] if machine.has_complete_torque else []
+    outputs += [_point_output(topic, point, topics.depths_m.get(topic, 0.0)) for topic, point in topics.points.items()]
+    outputs += [_torque_output(topic, output, frame) for topic, (output, frame) in topics.pieces.items()]
+    outputs += [_number_output(topic, output) for topic, output in topics.numbers.items()]
+    return [*outputs, _joint_output(machine, joint_rate_hz)]
+
+
+def topics_of(machine: AnyMachine) -> dict[str, str]:
+    """Every topic that comes of a machine's samples, with its message type."""
+    topics = {output.topic: output.msgtype for output in outputs_of(machine, lambda: 0.0)}
+    if machine.has_complete_torque:
+        topics[RESIDUAL_TOPIC] = WRENCH
+    if machine.has_history:
+        topics[contact_events.TOPIC] = contact_events.MSGTYPE
+    return topics
+
+
+def twins_of(machine: AnyMachine) -> Callable[[tuple[str, ...]], CompiledTwin]:
+    """Compiles twins of a machine and keeps each that it has made."""
+    made: dict[tuple[str, ...], CompiledTwin] = {}
+
+    def compile_twin(outputs: tuple[str, ...]) -> CompiledTwin:
+        if outputs not in made:
+            made[outputs] = ttc.compile(machine, outputs=outputs) if outputs else idle_twin(machine)
+        return made[outputs]
+
+    return compile_twin
+
+
+class PublishQueue:
+    """Publisher for callbacks: refused messages wait, in their order, for the next call of `send` or `retry`.
+
+    Args:
+        publish: publishes one message.
+        depth: messages that wait at most; beyond it the oldest are dropped and counted in `dropped`.
+    """
+
+    def __init__(self, publish: Publish, depth: int) -> None:
+        self._publish, self._depth = publish, depth
+        self._waiting: deque[Any] = deque()
+        self._refused_s = 0.0
+        self.dropped = 0
+
+    def send(self, message: Any) -> None:
+        """Publish a message behind those that wait."""
+        if not self._waiting:
+            try:
+                return self._publish(message)
+            except RCLError:
+                self._refused_s = time.monotonic()
+        self._waiting.append(message)
+        if len(self._waiting) > self._depth:
+            self._waiting.popleft()
+            self.dropped += 1
+        return self.retry()
+
+    def retry(self) -> None:
+        """Publish the messages that wait, until one is refused; at most once in 50 ms."""
+        if not self._waiting or time.monotonic() - self._refused_s < _PAUSE_S:
+            return
+        try:
+            while self._waiting:
+                self._publish(self._waiting[0])
+                self._waiting.popleft()
+        except RCLError:
+            self._refused_s = time.monotonic()
 
 
 class TwinStream:
@@ -94,13 +255,13 @@ class TwinStream:
         jumps = load_steps(self._compile((TORQUE,))) if self._has_torque else ()
         self._residuals = ResidualStream(machine.sensors.torque, jumps)
         self._recent_residuals = CountWindow()
-        self._residual_messages = ResidualMessages()
+        self._residual_message = WrenchTemplate(SHAFT_FRAME).message
         self._session = self._idle.session(shaft, **settings)
         # One by one then costs less than a block, and gives the first of a block that came late sooner.
         self._at_once = self._session.at_once and not self._has_history
         self._wanted: list[Output] = []
         self._wants_residual = self._wants_sigma = False
-        self._calls: list[tuple[Callable[[Sample], bytes | None], Publish]] = []
+        self._calls: list[tuple[Pack, Publish]] = []
         self._warm_up()
         self.subscribers: Counter[str] = Counter()
         """Number of subscribers by topic."""
@@ -142,7 +303,7 @@ class TwinStream:
             return
         self._wanted, self._wants_residual = wanted, residual
         self._wants_sigma = any(output.topic == SIGMA_TOPIC for output in wanted)
-        self._calls = [(output.message, self._queues[output.topic].send) for output in wanted]
+        self._calls = [(output.pack, self._queues[output.topic].send) for output in wanted]
         if not self._has_history:
             needs = self._needs(wanted, (TORQUE,) if residual else ())
             self._session.use(self._compile(needs) if needs else self._idle)
@@ -232,8 +393,8 @@ class TwinStream:
 
     def _publish(self, samples: Iterable[Sample]) -> None:
         for sample in samples:
-            for message_of, send in self._calls:
-                message = message_of(sample)
+            for pack, send in self._calls:
+                message = pack(sample)
                 if message is not None:
                     send(message)
             if self._wants_residual:
@@ -242,8 +403,8 @@ class TwinStream:
 
     def _publish_residuals(self, residuals: list[Residual]) -> None:
         if residuals and self.subscribers[RESIDUAL_TOPIC]:
-            for message in self._residual_messages.messages(residuals):
-                self._queues[RESIDUAL_TOPIC].send(message)
+            for item in residuals:  # with the stamp of the measured sample
+                self._queues[RESIDUAL_TOPIC].send(self._residual_message(item.stamp_ns, item.residual_Nm))
 
     def _publish_events(self) -> None:
         """Publish the contact events; they are taken without a listener too, or they would pile up."""
@@ -265,6 +426,6 @@ class TwinStream:
         last = (*samples.rows(sigma=True), *self._session.step_one(50_000_000, 0.75))
         for output in self._outputs:
             for sample in last:
-                output.message(sample)
+                output.pack(sample)
         self._session.reset()
         self._session.use(self._idle)

@@ -14,12 +14,13 @@
 #
 # SPDX-License-Identifier: Apache-2.0
 
-"""Input topics of the twin: subscriptions that take everything that waits at once and hand it on in blocks."""
+"""Input topics of a machine: angle, index pulses and torque of its shaft, in blocks of all samples that wait."""
 
 from __future__ import annotations
 
+import math
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping
 from math import isfinite
 from time import monotonic, perf_counter_ns, time_ns
@@ -32,7 +33,12 @@ from rclpy.qos import QoSPolicyKind
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 
-from textile_twin_core.recordings.message_types import FLOAT64, HEADER, JOINT_STATE, WRENCH
+from textile_twin_core.machine import AnyMachine
+from textile_twin_core.machine.sizes import LARGEST
+from textile_twin_core.recordings.message_types import FLOAT64, HEADER
+from textile_twin_core.shaft.counter import CounterUnwrapper, find_angle_counter
+from textile_twin_core.twin.encoder_reference import reference_of
+from textile_twin_core.twin.restart import RestartWatch
 from textile_twin_ros.diagnostics import WINDOW_S, InputWatch, Status
 from textile_twin_ros.endpoints import (
     NAMELESS,
@@ -51,21 +57,29 @@ from textile_twin_ros.health import (
     publisher_findings,
     sample_findings,
     stamp_findings,
+    unit_findings,
     with_findings,
 )
+from textile_twin_ros.machine_namespace import SECOND_ANGLE
 from textile_twin_ros.messages import (
+    ANGLE_READERS,
+    EDGES,
+    TORQUE_READERS,
     ForeignJointsError,
-    HeaderReader,
-    JointReader,
+    Kind,
     MessageError,
-    TorqueReader,
     message_class,
-    read_float64,
 )
 from textile_twin_ros.node_runner import run_overdue_tasks
+from textile_twin_ros.sensor_parameters import SensorParameters
 
 _MOST_SOURCES = 32
 _NAMED = 12
+_LEAP_RAD = 4.0 * math.pi
+"""Move of an angle that is neither a shaft's nor a turn's end."""
+_MOVES = 64
+_REMEMBERED = 16384
+"""Angles that show the unit: the shaft has to turn twice in them."""
 
 
 class ForeignJoints:
@@ -97,10 +111,6 @@ class ForeignJoints:
 
 #: Stamp [ns], that of arrival where the message has none; value; its rate where the message has it, otherwise NaN.
 Sample: TypeAlias = tuple[int, float, float]
-Reading: TypeAlias = "tuple[int | None, float, float]"
-Reader: TypeAlias = Callable[[bytes], Reading]
-#: Message type, and what makes a reader of it for a joint.
-Kind: TypeAlias = tuple[str, Callable[[str], Reader]]
 # Reliability is the node's own parameter, which knows a third value.
 _OVERRIDABLE = QoSOverridingOptions((QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH))
 _BLOCK = 64
@@ -111,63 +121,6 @@ _OVERDUE_NS = 200_000_000
 _NAN = float("nan")
 _NAME_S = 2.0
 """Publishers may be without a name so long."""
-
-
-def _joint_angle(joint: str) -> Reader:
-    joints = JointReader(joint, ("position", "velocity"))
-
-    def read(raw: bytes) -> Reading:
-        stamp, (angle, velocity) = joints.read(raw)
-        assert angle is not None  # the reader has refused a message without it
-        # A speed that its sensor divides by no time at all is none.
-        return stamp, angle, velocity if velocity is not None and isfinite(velocity) else _NAN
-
-    return read
-
-
-def _joint_effort(joint: str) -> Reader:
-    joints = JointReader(joint, ("effort",))
-
-    def read(raw: bytes) -> Reading:
-        stamp, (effort,) = joints.read(raw)
-        assert effort is not None
-        return stamp, effort, _NAN
-
-    return read
-
-
-def _wrench_torque(_joint: str) -> Reader:
-    wrenches = TorqueReader()
-
-    def read(raw: bytes) -> Reading:
-        stamp, (torque,) = wrenches.read(raw)
-        return stamp, _NAN if torque is None else torque, _NAN
-
-    return read
-
-
-def _plain_number(_joint: str) -> Reader:
-    return lambda raw: (None, read_float64(raw), _NAN)
-
-
-def _stamp_alone(_joint: str) -> Reader:
-    headers = HeaderReader()
-    return lambda raw: (headers.read(raw)[0], _NAN, _NAN)
-
-
-#: Events that have a stamp alone: edges of a toothed wheel, index pulses.
-EDGES: Kind = (HEADER, _stamp_alone)
-#: By the value of the parameter.
-ANGLE_READERS: dict[str, Kind] = {
-    "joint_state": (JOINT_STATE, _joint_angle),
-    "float64": (FLOAT64, _plain_number),
-    "edges": EDGES,
-}
-TORQUE_READERS: dict[str, Kind] = {
-    "wrench": (WRENCH, _wrench_torque),
-    "joint_state": (JOINT_STATE, _joint_effort),
-    "float64": (FLOAT64, _plain_number),
-}
 
 
 class SampleInput:
@@ -185,10 +138,9 @@ class SampleInput:
         reliability: "auto", "reliable" or "best_effort".
         silence_s: returns after how many seconds silence is worth a warning.
         take: called with the block's samples.
+        unit: value of one unit of the messages.
+        is_angle: whether the values are angles.
     """
-
-    angle_unit_rad: float | None = None
-    """What one unit of the samples is; None where they are no angles."""
 
     def __init__(
         self,
@@ -200,8 +152,11 @@ class SampleInput:
         reliability: str,
         silence_s: Callable[[], float],
         take: Callable[[list[Sample]], None],
+        unit: float = 1.0,
+        is_angle: bool = False,
     ) -> None:
         self._node, self._topic, self._depth, self._take = node, topic, depth, take
+        self._unit, self._is_angle = unit, is_angle
         self.msgtype, create_reader = kind
         self._message_class = message_class(self.msgtype)
         self._read = create_reader(joint)
@@ -247,8 +202,7 @@ class SampleInput:
         if self.msgtype == HEADER or not self._window:
             return []
         stamps, values = zip(*self._window, strict=True)
-        scale = 1.0 if self.angle_unit_rad is None else self.angle_unit_rad
-        return burst_findings(np.array(stamps, np.int64), np.array(values) * scale, self.angle_unit_rad is not None)
+        return burst_findings(np.array(stamps, np.int64), np.array(values), self._is_angle)
 
     def _publishers(self) -> list[str]:
         """Names of who publishes there, without those that have none yet: a node's name may come after its topics."""
@@ -316,16 +270,19 @@ class SampleInput:
         now_ns = perf_counter_ns()
         due = now_ns > self._overdue_ns
         late = due or now_ns - self._ready_ns < _PAUSE_NS
-        block: list[Sample] = []
+        block, unit = list[Sample](), self._unit
         waiting: bytes | None = None if self._ended else raw
         received = of_others = 0
         while waiting is not None:
             received += 1
             stamped = True
             try:
-                stamp, value, rate = self._read(waiting)
-                stamped = stamp is not None
-                block.append((self._node.get_clock().now().nanoseconds if stamp is None else stamp, value, rate))
+                stamp, values = self._read(waiting)
+                value, rate = (*values, _NAN, _NAN)[:2]
+                if stamp is None:
+                    stamped, stamp = False, self._node.get_clock().now().nanoseconds
+                # A speed that its sensor divides by no time at all is none.
+                block.append((stamp, value * unit, rate * unit if isfinite(rate) else _NAN))
             except ForeignJointsError as error:
                 self._foreign_joints.take(error)
                 of_others += 1
@@ -345,7 +302,7 @@ class SampleInput:
             run_overdue_tasks(self._node)
 
     def _accept(self, block: list[Sample]) -> None:
-        """Hand on the samples of a block; subclasses convert them first."""
+        """Hand on the samples of a block; subclasses correct them first."""
         self._take(block)
 
     def _next(self) -> bytes | None:
@@ -353,3 +310,179 @@ class SampleInput:
         taken = take_next(self._subscription, self._message_class)
         self._late_s = 0.0 if taken is None else (time_ns() - received_ns(taken[1])) * 1e-9
         return None if taken is None else taken[0]
+
+
+class AngleInput(SampleInput):
+    """The topic `main_shaft/angle`, and `main_shaft/index` if the parameter `index` is set.
+
+    Args:
+        node: the node that listens.
+        settings: its parameters.
+        machine: whose encoder it is.
+        depth: messages that may wait.
+        take: called with blocks of samples: angles as the encoder measures them.
+
+    Raises:
+        SceneError: edges that this machine's encoder cannot count.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        settings: SensorParameters,
+        machine: AnyMachine,
+        depth: int,
+        take: Callable[[list[Sample]], None],
+    ) -> None:
+        self._create = lambda: reference_of(machine.sensors.encoder, settings.angle_type == "edges", settings.index)
+        self._reference = self._create()
+        common = (settings.joint, depth, settings.qos_reliability, lambda: settings.no_data_timeout_s)
+        self._step_rad = machine.sensors.encoder.resolution_rad
+        self._begin_counter()
+        self._latest: deque[float] = deque(maxlen=0 if settings.angle_type == "edges" else _REMEMBERED)
+        kind = ANGLE_READERS[settings.angle_type]
+        super().__init__(node, "main_shaft/angle", kind, *common, take, settings.angle_unit_rad, is_angle=True)
+        self._index = SampleInput(node, "main_shaft/index", EDGES, *common, self._on_pulses) if settings.index else None
+
+    def statuses(self, counts: Mapping[str, float] | None = None) -> list[Status]:
+        """The diagnostics of this moment, of the angle and of the index; `counts` as in `status`."""
+        own = {} if self._reference is None else dict(self._reference.counts)
+        index = [] if self._index is None else [self._index.status()]
+        return [self.status({**own, **(counts or {})}, self._unit_findings()), *index]
+
+    def restart(self) -> None:
+        """Restart the watch, and forget the shaft's angle."""
+        super().restart()
+        self._reference = self._create()
+        self._begin_counter()
+        self._latest.clear()
+        if self._index is not None:
+            self._index.restart()
+
+    def renew(self) -> None:
+        """Renew the subscriptions of both topics, as SampleInput does."""
+        super().renew()
+        if self._index is not None:
+            self._index.renew()
+
+    def destroy(self) -> None:
+        """End the subscriptions."""
+        super().destroy()
+        if self._index is not None:
+            self._index.destroy()
+
+    def _unit_findings(self) -> list[Finding]:
+        return unit_findings(np.fromiter(self._latest, np.float64, len(self._latest)), self._unit)
+
+    def _accept(self, block: list[Sample]) -> None:
+        """Undo the wraps of a counter whose range is no number of turns, and count from the reference.
+
+        `replay` does the same in a recording.
+        """
+        if self._counter is None:
+            last = self._latest[-1] if self._latest else _NAN
+            for _, angle, _ in block:
+                if abs(angle - last) > _LEAP_RAD:
+                    self._find_counter(block)
+                    break
+                last = angle
+        if self._counter is not None:
+            block = [(stamp, self._counter.step(angle), speed) for stamp, angle, speed in block]
+        self._latest.extend([angle for _, angle, _ in block])
+        if self._reference is not None:
+            block = self._reference.take(block)
+        if block:
+            self._take(block)
+
+    def _begin_counter(self) -> None:
+        self._counter: CounterUnwrapper | None = None
+        self._look_again_s = 0.0
+
+    def _find_counter(self, block: list[Sample]) -> None:
+        """Find the counter that passes its end in a block; looked for once a second at most."""
+        if time.monotonic() < self._look_again_s:
+            return
+        self._look_again_s = time.monotonic() + 1.0
+        readings = np.array([*self._latest, *(angle for _, angle, _ in block)])
+        found = find_angle_counter(readings[np.isfinite(readings)], self._step_rad)
+        if found is None:
+            return
+        self._counter = CounterUnwrapper([found.width])
+        for angle in readings[: len(self._latest)][-_MOVES:].tolist():
+            self._counter.step(angle)
+        self._node.get_logger().warning(
+            f"{self.name}: the angle is {found.text}, no multiple of a turn: continued from there"
+        )
+
+    def _on_pulses(self, block: list[Sample]) -> None:
+        assert self._reference is not None
+        for stamp, _, _ in block:
+            if known := self._reference.index(stamp):
+                self._take(known)
+
+
+class SecondAngleInput(SampleInput):
+    """The topic `main_shaft/second_angle` of a second encoder on an elastic shaft, in the unit of the first one.
+
+    Args:
+        node: the node that listens.
+        settings: its parameters.
+        depth: messages that may wait.
+        take: called with blocks of samples: angles as the encoder measures them.
+    """
+
+    def __init__(
+        self, node: Node, settings: SensorParameters, depth: int, take: Callable[[list[Sample]], None]
+    ) -> None:
+        kind = ANGLE_READERS["joint_state" if settings.angle_type == "edges" else settings.angle_type]
+        common = (settings.joint, depth, settings.qos_reliability, lambda: settings.no_data_timeout_s)
+        super().__init__(node, SECOND_ANGLE, kind, *common, take, settings.angle_unit_rad, is_angle=True)
+
+
+class TorqueInput(SampleInput):
+    """The topic `balancing_torque/measured`; its samples are in N m, NaN where a message holds no torque that can be.
+
+    Args:
+        node: the node that listens.
+        settings: its parameters.
+        depth: messages that may wait.
+        take: called with blocks of samples.
+    """
+
+    def __init__(
+        self, node: Node, settings: SensorParameters, depth: int, take: Callable[[list[Sample]], None]
+    ) -> None:
+        self._begin()
+        common = (settings.joint, depth, settings.qos_reliability, lambda: settings.no_data_timeout_s)
+        kind = TORQUE_READERS[settings.torque_type]
+        super().__init__(node, "balancing_torque/measured", kind, *common, take, settings.torque_unit_Nm)
+
+    def status(self, counts: Mapping[str, float] | None = None, seen: Iterable[Finding] = ()) -> Status:
+        """Status as of SampleInput, with the faults of the samples."""
+        own = {**self._rejected, "set_back": self._restarts.count}
+        return super().status({**own, **(counts or {})}, seen)
+
+    def restart(self) -> None:
+        """Restart the watch."""
+        super().restart()
+        self._begin()
+
+    def _begin(self) -> None:
+        self._rejected = Counter(rejected_not_finite=0, rejected_duplicate_stamp=0, rejected_older_stamp=0)
+        self._restarts = RestartWatch()
+        self._last_ns: int | None = None
+
+    def _accept(self, block: list[Sample]) -> None:
+        self._take([(stamp, self._checked(stamp, value), rate) for stamp, value, rate in block])
+
+    def _checked(self, stamp_ns: int, torque_Nm: float) -> float:
+        """The torque, NaN where it is unusable; counts the unusable ones."""
+        if not abs(torque_Nm) <= LARGEST:  # one number that is absurd would spoil sums and scales for long
+            self._rejected["rejected_not_finite"] += 1
+            return _NAN
+        if not self._restarts.restarted(stamp_ns) and self._last_ns is not None and stamp_ns <= self._last_ns:
+            cause = "duplicate" if stamp_ns == self._last_ns else "older"
+            self._rejected[f"rejected_{cause}_stamp"] += 1
+        else:
+            self._last_ns = stamp_ns
+        return torque_Nm
