@@ -28,7 +28,7 @@ from textile_twin_core.recordings import open_bag
 
 @pytest.mark.slow
 def test_every_sensor_setting_of_a_loom_is_found_at_once() -> None:
-    case = healthy("loom", 951, duration_s=20.0)
+    case = healthy("loom", 951, duration_s=12.0)
     encoder = replace(case.encoder, zero_rad=-2.0, direction=-1, ratio=0.5)
     torque = replace(case.torque, gain=-100.0, delay_s=0.008, offset_Nm=-150.0)
     case = replace(case, encoder=encoder, torque=torque)
@@ -199,7 +199,7 @@ def test_the_stated_rms_contains_the_estimates_that_are_not_written() -> None:
 
 @pytest.mark.slow
 def test_a_recording_of_another_machine_gives_no_calibration() -> None:
-    case = replace(healthy("tufting", 953, duration_s=10.0), configured_machine="loom")
+    case = replace(healthy("tufting", 953, duration_s=5.0), configured_machine="loom")
     made = record(case)
     readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
     with pytest.raises(RecordingError, match="not this machine"):

@@ -6,6 +6,7 @@ import json
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from tests.generators.configured_machine import configured_machine
 from tests.generators.force_laws import LAWS, MillRecording, case_of, force, record_law
 from tests.generators.mill_recordings import Case
 from tests.generators.shaft_law import Friction
+from textile_twin_core.cli import compare as compare_command
 from textile_twin_core.cli.main import main
 from textile_twin_core.comparison import Readings
 from textile_twin_core.comparison.assessment import Assessment, assess
@@ -44,13 +46,21 @@ class Made:
 
 
 @cache
-def made(name: str, seed: int = 1) -> Made:
+def made(name: str, seed: int = 1, duration_s: float = DURATION_S) -> Made:
     law = LAWS[name]
-    case = case_of(law, seed, duration_s=DURATION_S)
+    case = case_of(law, seed, duration_s=duration_s)
     case = replace(case, torque=replace(case.torque, delay_s=DELAY_S))
     if law.machine == "tufting":
         case = replace(case, friction=FRICTION)
     return Made(case, record_law(law, case), configured_machine(case))
+
+
+def bag_of(here: Made, path: Path) -> str:
+    r = here.recording
+    with BagWriter(path) as out:
+        out.write_joint_states("main_shaft/angle", r.angle_stamps_ns, ["main_shaft"], r.angle)
+        out.write_wrenches("balancing_torque/measured", r.torque_stamps_ns, r.torque)
+    return str(path)
 
 
 @cache
@@ -82,9 +92,42 @@ def test_laws_are_named_with_their_curve_and_nothing_else_is_accused(name: str, 
         assert_curve(name, found.law.curve)
 
 
+@dataclass(frozen=True)
+class Compared:
+    """What the command compare judged, and what it wrote."""
+
+    judged: Assessment
+    numbers: dict[str, Any]
+    report: str
+
+
+@pytest.fixture(scope="module")
+def pierced(tmp_path_factory: pytest.TempPathFactory) -> Compared:
+    """Compare a recording by the command: the search for a law is made once for all tests of a pierce."""
+    folder, found = tmp_path_factory.mktemp("pierce"), list[Assessment]()
+
+    def seen(*given: Any) -> Assessment:
+        found.append(assess(*given))
+        return found[-1]
+
+    bag = bag_of(made("pierce"), folder / "bag")
+    files = ["--html", str(folder / "r.html"), "--json", str(folder / "c.json")]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(compare_command, "assess", seen)
+        assert main(["compare", bag, "--machine", "tufting", *files]) == 0
+    return Compared(found[0], json.loads((folder / "c.json").read_text()), (folder / "r.html").read_text())
+
+
 @pytest.mark.slow
-def test_a_pierce_is_named_with_its_curve_and_no_sensor_is_accused() -> None:
-    found = judged("pierce")
+def test_compare_writes_the_law_into_numbers_and_report(pierced: Compared) -> None:
+    assert pierced.numbers["verdict"][0]["cause"] == "force_law"
+    assert set(pierced.numbers["curves"]) == {"backing"}
+    assert "Force of backing" in pierced.report
+
+
+@pytest.mark.slow
+def test_a_pierce_is_named_with_its_curve_and_no_sensor_is_accused(pierced: Compared) -> None:
+    found = pierced.judged
     assert found.verdict[0].cause == "force_law" and found.verdict[0].parameter == "loads.backing"
     assert {cause.cause for cause in found.verdict[1:]} <= {"delay", "unmodelled_friction"}  # the file has neither
     assert found.law is not None and found.explained > 0.999
@@ -137,14 +180,10 @@ def test_the_identified_machine_has_the_law_and_predicts_with_it(beaten_up: Curv
 
 
 @pytest.mark.slow
-def test_the_command_writes_numbers_machine_and_report(tmp_path: Path) -> None:
-    r = made("grip").recording
-    with BagWriter(tmp_path / "bag") as out:
-        out.write_joint_states("main_shaft/angle", r.angle_stamps_ns, ["main_shaft"], r.angle)
-        out.write_wrenches("balancing_torque/measured", r.torque_stamps_ns, r.torque)
-    given = [str(tmp_path / "bag"), "--machine", "tufting"]
+def test_identify_writes_the_law_into_numbers_and_machine_file(tmp_path: Path) -> None:
+    bag = bag_of(made("grip", duration_s=12.0), tmp_path / "bag")
     files = ["--json", str(tmp_path / "i.json"), "--out", str(tmp_path / "grip.yaml")]
-    assert main(["identify", *given, "--curve", "loads.backing", *files]) == 0
+    assert main(["identify", bag, "--machine", "tufting", "--curve", "loads.backing", *files]) == 0
     curve = json.loads((tmp_path / "i.json").read_text())["curves"]["backing"]
     assert len(curve["knots"]) == len(curve["in_N"]) == len(curve["out_sigma_N"])
     assert np.median(curve["in_N"]) == pytest.approx(926.0, rel=0.03)
@@ -152,16 +191,12 @@ def test_the_command_writes_numbers_machine_and_report(tmp_path: Path) -> None:
     assert curve["work_in_J"] > 3.0 * curve["work_out_J"] > 0.0
     machine = ttc.load_machine(tmp_path / "grip.yaml")
     assert isinstance(machine, Machine) and any(isinstance(load, ForceCurve) for load in machine.loads)
-    given_law = [str(tmp_path / "bag"), "--machine", str(tmp_path / "grip.yaml")]
-    assert main(["identify", *given_law, "--json", str(tmp_path / "again.json")]) == 0
+    given_law = ["--machine", str(tmp_path / "grip.yaml"), "--json", str(tmp_path / "again.json")]
+    assert main(["identify", bag, *given_law]) == 0
     again = json.loads((tmp_path / "again.json").read_text())
     assert again["rms_before_Nm"] < 0.1  # samples beside the steps of the law aside
     delay = again["parameters"]["torque_sensor_delay_s"]
     assert delay["value"] == pytest.approx(DELAY_S, abs=3.0 * delay["sigma"])
-    assert main(["compare", *given, "--html", str(tmp_path / "r.html"), "--json", str(tmp_path / "c.json")]) == 0
-    compared = json.loads((tmp_path / "c.json").read_text())
-    assert compared["verdict"][0]["cause"] == "force_law" and set(compared["curves"]) == {"backing"}
-    assert "Force of backing" in (tmp_path / "r.html").read_text()
 
 
 def test_a_name_that_is_no_load_says_which_are_there(capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from tests.campaign import more
 from tests.generators.configured_machine import configured_machine
-from tests.generators.mill_recordings import Case, healthy, record, torque_of
+from tests.generators.mill_recordings import Case, Encoder, TorqueSensor, healthy, record, torque_of
 from tests.generators.planned_motion import Plan
 from tests.generators.shaft_law import Backing, Friction, tufting_law
 from tests.generators.speed_controlled_motion import speed_controlled_motion
@@ -19,6 +19,9 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.comparison import Identification, Readings, identify, with_table
 from textile_twin_core.dynamics import loads as declared
 from textile_twin_core.errors import RecordingError
+
+SLOWLY = {"encoder": Encoder(rate_hz=250.0), "torque": TorqueSensor(rate_hz=250.0)}
+"""Readings at half of the usual rate: a search for what the file lacks takes half the time."""
 
 
 def identified(case: Case) -> Identification:
@@ -35,7 +38,7 @@ def entry_and_exit(plane_m: float) -> tuple[float, float]:
 
 @pytest.mark.slow
 def test_a_run_up_determines_every_parameter_of_the_tufting_machine() -> None:
-    case = healthy("tufting", 971, duration_s=16.0)
+    case = healthy("tufting", 971, duration_s=12.0)
     case = replace(
         case,
         backing=Backing(force_N=880.0, free_force_N=15.0, entry_plane_m=0.5572, exit_plane_m=0.5572),
@@ -155,7 +158,7 @@ def test_several_backings_are_reported_as_not_fitted() -> None:
 
 @pytest.mark.slow
 def test_an_unmodelled_torque_comes_out_with_its_band() -> None:
-    case = healthy("loom", 973, duration_s=24.0)
+    case = healthy("loom", 973, **SLOWLY)
     made = record(case)
     theta = made.plan.at((made.torque_stamps_ns - made.torque_stamps_ns.min()) * 1e-9 + 0.0507)[0]
     readings = Readings(
@@ -170,7 +173,7 @@ def test_an_unmodelled_torque_comes_out_with_its_band() -> None:
 
 def two_turns(seed: int) -> tuple[Case, Readings, Callable[[FloatArray], FloatArray]]:
     """Record of a loom whose load, missing in its file, repeats every second turn."""
-    case = healthy("loom", seed, duration_s=24.0)
+    case = healthy("loom", seed, **SLOWLY)
     made = record(case)
     start = np.floor(made.plan.start_rad / (2.0 * np.pi)) * 2.0 * np.pi
 

@@ -20,8 +20,8 @@ WIDE = WideMachine(0.06)
 
 
 def readings(gain: float = 1.0, late: int = 0) -> Readings:
-    """Return a recording of 2 s at 300 rpm, with a torque sensor of another gain that lags by samples."""
-    made = record(WIDE, 300.0, 2.0)
+    """Return a recording of 1.2 s at 300 rpm, with a torque sensor of another gain that lags by samples."""
+    made = record(WIDE, 300.0, 1.2)
     torque = gain * made.measured_Nm[: made.measured_Nm.size - late]
     return Readings(made.stamps_ns, made.encoder_rad, made.stamps_ns[late:], torque)
 

@@ -23,9 +23,10 @@ Said = list[tuple[Block, str]]
 
 
 WITH_CODE = [page for page in PAGES if any(block.language in RUN for block in blocks(page))]
-TUTORIALS = [page for page in WITH_CODE if page.parent.name == "tutorials"]
+LIVE = Path("docs/tutorials/live.md")
+TUTORIALS = [page for page in WITH_CODE if page.parent.name == "tutorials" and page != LIVE]
 FIRST = [Path("README.md"), *TUTORIALS]
-"""What a new user reads; the other pages run with --all."""
+"""What a new user reads; the other pages run with --all, that of the live suite, too: the README starts it."""
 
 
 def run_page(page: Path, folder: Path) -> Said:
@@ -92,7 +93,7 @@ def shown(page: Path) -> list[tuple[Block, Block]]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", TUTORIALS, ids=str)
+@pytest.mark.parametrize("page", [*TUTORIALS, *more(LIVE)], ids=str)
 def test_a_tutorial_shows_what_its_commands_print(page: Path, running: dict[Path, Future[Said]]) -> None:
     """Compare line by line: the first column, and the first number behind it within a tenth."""
     number = re.compile(r"[+-]?\d+(?:\.\d+)?(?:e[+-]\d+)?")
