@@ -8,11 +8,50 @@ from dataclasses import dataclass, replace
 
 from textile_twin_core.comparison.delay import SensorFit
 from textile_twin_core.comparison.uncertainty import Estimate
-from textile_twin_core.shaft.sample_clock import StampBursts
 
 MOST_HALF_WIDTH_S = 3e-4
 """Half the width of the delay's interval above which a delay is not stated."""
+REPEATED = 1e-6
+"""Time inside a burst up to which stamps count as equal: a coarse clock [s]."""
 _TWO_SIGMA = 1.96
+
+
+@dataclass(frozen=True)
+class StampBursts:
+    """Pattern of stamps that come in bursts.
+
+    Attributes:
+        samples: samples in a burst, median.
+        inside_s: time from the first to the last of them, median [s].
+        pause_s: time to the next burst, median [s]; of single samples the shorter of the usual intervals.
+        longer_s: of single samples, which come at uneven intervals, the longer of the usual intervals [s].
+    """
+
+    samples: int
+    inside_s: float
+    pause_s: float
+    longer_s: float = 0.0
+
+    @property
+    def period_s(self) -> float:
+        """Time from burst to burst [s]."""
+        return self.inside_s + self.pause_s
+
+    @property
+    def repeated(self) -> bool:
+        """True where the stamps inside a burst are equal, as of a coarse clock."""
+        return self.samples > 1 and self.inside_s <= REPEATED
+
+    @property
+    def text(self) -> str:
+        """The pattern in words, with its numbers."""
+        pause = f"{self.pause_s * 1e3:.3g} ms"
+        if self.samples == 1:
+            return f"even samples at intervals of {pause} or {self.longer_s * 1e3:.3g} ms: stamped on arrival"
+        if self.repeated:
+            return f"{self.samples} samples with one stamp, the next {pause} later: stamped by a coarse clock"
+        inside = f"{self.inside_s * 1e3:.2g} ms" if self.inside_s > 1e-5 else f"{self.inside_s * 1e6:.2g} us"
+        return f"{self.samples} samples within {inside}, then {pause}: stamped on arrival"
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from textile_twin_core.comparison.readings import ANGLE_TURNS, radians_of
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.recordings.bag_write import BagWriter
 from textile_twin_core.recordings.count_lattice import count_lattice
+from textile_twin_core.recordings.counter import unwrap_counter
 from textile_twin_core.recordings.log_mapping import NO_COLUMN, Channel, Clock, LogMapping
 from textile_twin_core.recordings.log_table import describe
 from textile_twin_core.recordings.log_units import (
@@ -27,7 +28,6 @@ from textile_twin_core.recordings.log_units import (
 )
 from textile_twin_core.recordings.machine_topics import ANGLE_TOPIC, MEASURED_TOPIC, SECOND_ANGLE_TOPIC
 from textile_twin_core.recordings.recording import Progress
-from textile_twin_core.shaft.counter import unwrap_counter
 
 MEASURED = "measured"
 """Prefix of the topics of quantities other than torque: JointState, position of the joint named as the output."""

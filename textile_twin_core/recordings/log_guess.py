@@ -13,6 +13,7 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.comparison.readings import ANGLE_TURNS, angle_unit, shown_turn
 from textile_twin_core.errors import RecordingError
+from textile_twin_core.recordings.counter import BITS, DECIMALS, Counter, find_counter, least_step, unwrap_counter
 from textile_twin_core.recordings.log_apply import (
     DATED,
     FILETIME,
@@ -36,7 +37,6 @@ from textile_twin_core.recordings.log_units import (
     unit_factor,
     unit_in_name,
 )
-from textile_twin_core.shaft.counter import BITS, DECIMALS, Counter, find_counter, least_step, unwrap_counter
 
 Ask = Callable[[str, list[str]], str]
 """Question to a person for one of several columns: (kind, names) -> name."""

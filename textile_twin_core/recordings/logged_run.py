@@ -16,8 +16,8 @@ from textile_twin_core.machine import AnyMachine
 from textile_twin_core.recordings.bag import Bag, open_bag
 from textile_twin_core.recordings.machine_topics import MachineTopics
 from textile_twin_core.recordings.recorded_clock import clock_notes, on_one_clock
+from textile_twin_core.recordings.sample_clock import EvenTimes, StampBursts, even_times, find_bursts, sampling_period
 from textile_twin_core.recordings.samples import AngleSamples, TorqueSamples
-from textile_twin_core.shaft.sample_clock import EvenTimes, StampBursts, even_times, find_bursts, sampling_period
 
 _ONE_BRIDGE = 0.05
 """Largest relative difference of the burst periods of two topics on one bridge."""

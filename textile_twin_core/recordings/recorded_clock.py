@@ -8,8 +8,8 @@ from typing import TypeVar
 import numpy as np
 
 from textile_twin_core.arrays import IntArray
+from textile_twin_core.recordings.counter import find_counter, unwrap_counter
 from textile_twin_core.recordings.samples import AngleSamples, TorqueSamples
-from textile_twin_core.shaft.counter import find_counter, unwrap_counter
 from textile_twin_core.twin.restart import RestartWatch
 
 _Samples = TypeVar("_Samples", AngleSamples, TorqueSamples)

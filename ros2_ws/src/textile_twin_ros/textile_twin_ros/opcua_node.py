@@ -31,7 +31,7 @@ from rclpy.task import Future
 from sensor_msgs.msg import JointState
 
 from textile_twin_core.errors import SceneError
-from textile_twin_core.shaft.counter import CounterUnwrapper
+from textile_twin_core.recordings.counter import CounterUnwrapper
 from textile_twin_ros.diagnostics import ERROR, OK, WARN, DiagnosticsPublisher, Status
 from textile_twin_ros.endpoints import depth_for, samples_qos
 from textile_twin_ros.health import CountWindow, Finding, with_findings

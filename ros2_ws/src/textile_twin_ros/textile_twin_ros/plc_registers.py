@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from textile_twin_core.errors import SceneError
-from textile_twin_core.shaft.counter import CounterUnwrapper
+from textile_twin_core.recordings.counter import CounterUnwrapper
 
 TYPES = ("int16", "uint16", "int32", "uint32", "int64", "uint64", "float32", "float64")
 BYTE_ORDERS = ("ABCD", "CDAB", "BADC", "DCBA")

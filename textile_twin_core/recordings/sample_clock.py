@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
+from textile_twin_core.comparison.stamp_timing import StampBursts
 from textile_twin_core.shaft.turns import TURN
 
 LONGEST_PAUSE_S = 0.25  # longer intervals are gaps of the record
@@ -20,7 +21,6 @@ SHORT, LONG = 0.7, 1.3  # of the local mean interval: intervals inside a burst, 
 SHORT_SHARE, LONG_SHARE = 0.25, 0.4  # part of the intervals, and of the time, from which stamps come in bursts
 FEWEST = 64  # samples below which nothing is detected
 AROUND = 128  # samples over which the local mean interval is taken
-REPEATED = 1e-6  # [s] inside a burst up to which stamps count as equal: a coarse clock
 PHASES = 24  # offsets tried in a period
 FIRST_BURSTS = 384  # bursts in which the period is searched
 MOST_LOST, FINENESS = 0.06, 0.25  # maximum part of lost samples; part of a period, error at the end of the search
@@ -42,44 +42,6 @@ AS_FEW = 1.1  # times the fewest lost samples, up to which an offset is acceptab
 # times the fewest losses, and part of the bursts, up to which a known period is acceptable
 ALIKE, ALIKE_BURSTS = 2.0, 0.05
 FINE_MOVE = 4.0  # rounding steps in a move, from which moves show a lost sample
-
-
-@dataclass(frozen=True)
-class StampBursts:
-    """Pattern of stamps that come in bursts.
-
-    Attributes:
-        samples: samples in a burst, median.
-        inside_s: time from the first to the last of them, median [s].
-        pause_s: time to the next burst, median [s]; of single samples the shorter of the usual intervals.
-        longer_s: of single samples, which come at uneven intervals, the longer of the usual intervals [s].
-    """
-
-    samples: int
-    inside_s: float
-    pause_s: float
-    longer_s: float = 0.0
-
-    @property
-    def period_s(self) -> float:
-        """Time from burst to burst [s]."""
-        return self.inside_s + self.pause_s
-
-    @property
-    def repeated(self) -> bool:
-        """True where the stamps inside a burst are equal, as of a coarse clock."""
-        return self.samples > 1 and self.inside_s <= REPEATED
-
-    @property
-    def text(self) -> str:
-        """The pattern in words, with its numbers."""
-        pause = f"{self.pause_s * 1e3:.3g} ms"
-        if self.samples == 1:
-            return f"even samples at intervals of {pause} or {self.longer_s * 1e3:.3g} ms: stamped on arrival"
-        if self.repeated:
-            return f"{self.samples} samples with one stamp, the next {pause} later: stamped by a coarse clock"
-        inside = f"{self.inside_s * 1e3:.2g} ms" if self.inside_s > 1e-5 else f"{self.inside_s * 1e6:.2g} us"
-        return f"{self.samples} samples within {inside}, then {pause}: stamped on arrival"
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import pytest
 
 from tests.generators.bridged_samples import FROM_S, Sampled, bridged, sampled
 from textile_twin_core.arrays import FloatArray, IntArray
-from textile_twin_core.shaft.sample_clock import EvenTimes, even_times, find_bursts, sampling_period
+from textile_twin_core.recordings.sample_clock import EvenTimes, even_times, find_bursts, sampling_period
 
 PATTERNS = tuple(itertools.product((200.0, 500.0, 1000.0), (0.004, 0.016, 0.020, 0.050), (2e-6, 2e-4, 5e-4)))
 

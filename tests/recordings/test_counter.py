@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from textile_twin_core.shaft.counter import BITS, CounterUnwrapper, find_counter, unwrap_counter
+from textile_twin_core.recordings.counter import BITS, CounterUnwrapper, find_counter, unwrap_counter
 
 
 def wrapped(true: np.ndarray, bits: int, signed: bool) -> np.ndarray:
