@@ -10,13 +10,13 @@ import numpy as np
 from textile_twin_core.arrays import IntArray
 from textile_twin_core.comparison import Readings
 from textile_twin_core.comparison.readings import SecondAngle
-from textile_twin_core.comparison.stamp_timing import StampTiming
+from textile_twin_core.comparison.stamp_timing import StampBursts, StampTiming
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import AnyMachine
 from textile_twin_core.recordings.bag import Bag, open_bag
 from textile_twin_core.recordings.machine_topics import MachineTopics
 from textile_twin_core.recordings.recorded_clock import clock_notes, on_one_clock
-from textile_twin_core.recordings.sample_clock import EvenTimes, StampBursts, even_times, find_bursts, sampling_period
+from textile_twin_core.recordings.sample_clock import EvenTimes, even_times, find_bursts, sampling_period
 from textile_twin_core.recordings.samples import AngleSamples, TorqueSamples
 
 _ONE_BRIDGE = 0.05

@@ -9,9 +9,8 @@ from textile_twin_core.errors import SceneError
 from textile_twin_core.shaft.estimator import ShaftEstimator
 from textile_twin_core.shaft.fixed_interval import SmoothEstimator
 from textile_twin_core.shaft.fixed_lag import LagEstimator
-from textile_twin_core.shaft.report import SampleReport
 from textile_twin_core.shaft.settings import ShaftSettings
-from textile_twin_core.shaft.states import OneState, ShaftStates
+from textile_twin_core.shaft.states import OneState, SampleReport, ShaftStates
 
 _VIEWS: dict[str, Any] = {"causal": ShaftEstimator, "lag": LagEstimator, "smooth": SmoothEstimator}
 ESTIMATORS = tuple(_VIEWS)

@@ -4,8 +4,7 @@ Lines that begin with `# ..:` state the origin and the figure of the constants b
 textbook's filter or smoother tuned on the same records, without the rule and with it. "Public" means the geometric
 mean over 100 public records of wheels and shafts, "kinds" the records of tests/shaft/kinds.py, both with all other
 rules in place; docs/validation/shaft.md has all figures. "No figure" means that the constant was not measured alone.
-Constants that choose between tools (`encoder`, `sample_clock`, `teeth`) and the memories of the bank
-(`layout`) stand beside their code.
+Constants of the sensor (`encoder`) and the memories of the bank (`layout`) stand beside their code.
 """
 
 from __future__ import annotations

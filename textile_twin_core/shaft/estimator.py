@@ -12,12 +12,11 @@ from numpy.typing import ArrayLike
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import entry, records
 from textile_twin_core.errors import MotionError
-from textile_twin_core.shaft.encoder import StepFinder
+from textile_twin_core.shaft.encoder import StepFinder, ToothWheel
 from textile_twin_core.shaft.filter import Block, run_filter
 from textile_twin_core.shaft.measurement_noise import set_resolution
-from textile_twin_core.shaft.report import REJECTION_CAUSES, SampleReport
 from textile_twin_core.shaft.settings import ShaftSettings
-from textile_twin_core.shaft.states import INFLATION, OneState, ShaftStates
+from textile_twin_core.shaft.states import INFLATION, REJECTION_CAUSES, OneState, SampleReport, ShaftStates
 from textile_twin_core.shaft.status import (
     COUNTS,
     MOTIONS,
@@ -29,7 +28,6 @@ from textile_twin_core.shaft.status import (
     new_status,
     status_of_next_record,
 )
-from textile_twin_core.shaft.teeth import ToothWheel
 from textile_twin_core.shaft.turns import TURN
 
 Part = tuple[Stamps, Records]  # stamps and rows of accepted samples

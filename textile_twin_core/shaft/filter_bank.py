@@ -11,7 +11,6 @@ import numpy as np
 
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import layout, ripple
-from textile_twin_core.shaft.clock import copy_numbers, dot, set_basis_at, set_second
 from textile_twin_core.shaft.constants import (
     FALLEN,
     KNOWN_SCALE,
@@ -29,6 +28,7 @@ from textile_twin_core.shaft.constants import (
     YOUNG_CYCLES,
 )
 from textile_twin_core.shaft.kalman import innovate, measurement_update
+from textile_twin_core.shaft.ripple import copy_numbers, dot, set_basis_at, set_second
 from textile_twin_core.shaft.status import MANOEUVRE, Bank, FilterRow, Filters, Models
 from textile_twin_core.shaft.turns import TURN
 

@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike
 
 from textile_twin_core.arrays import BoolArray, FloatArray
 from textile_twin_core.shaft import layout
-from textile_twin_core.shaft.clock import set_second
 from textile_twin_core.shaft.constants import (
     BETTER,
     CHANGED,
@@ -41,14 +40,15 @@ from textile_twin_core.shaft.constants import (
     SEEN_CYCLES,
     UNSURE,
 )
+from textile_twin_core.shaft.encoder import ToothWheel
 from textile_twin_core.shaft.estimator import PIECE, Part, ShaftEstimator, joined, states_of
 from textile_twin_core.shaft.filter import Block
 from textile_twin_core.shaft.measurement_noise import measurement_variance
 from textile_twin_core.shaft.residual_orders import add_omitted, set_sensor_power
+from textile_twin_core.shaft.ripple import set_second
 from textile_twin_core.shaft.rts_smoother import adopt_weight, new_smoother, scale_covariances, smooth_model
 from textile_twin_core.shaft.states import ShaftStates
 from textile_twin_core.shaft.status import ROW, STATE, STRETCH, Records, Stamps
-from textile_twin_core.shaft.teeth import ToothWheel
 from textile_twin_core.shaft.turns import TURN
 
 

@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from textile_twin_core.compiling import by_reference, compiled_in_place, records
-from textile_twin_core.shaft.clock import copy_numbers
 from textile_twin_core.shaft.constants import BATCH, CERTAIN, FIRST_WEIGHT, MOST_ROWS
 from textile_twin_core.shaft.estimator import Part, ShaftEstimator, states_of
 from textile_twin_core.shaft.filter import Block, process_sample
+from textile_twin_core.shaft.ripple import copy_numbers
 from textile_twin_core.shaft.rts_smoother import (
     Smoother,
     adopt_weight,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import filter_bank, layout
-from textile_twin_core.shaft.clock import add_products, add_ripple_covariance, add_spread, dot, shaft_state
 from textile_twin_core.shaft.constants import (
     BEGIN,
     COMPARABLE,
@@ -28,6 +27,7 @@ from textile_twin_core.shaft.constants import (
     UNBIASED,
 )
 from textile_twin_core.shaft.measurement_noise import standstill_speed
+from textile_twin_core.shaft.ripple import add_products, add_ripple_covariance, add_spread, dot, shaft_state
 from textile_twin_core.shaft.status import Bank, FilterRow, Mixture, Models, Noise, Orders, Sampling
 from textile_twin_core.shaft.turns import TURN
 

@@ -9,7 +9,6 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import filter_bank, layout, measurement_noise
-from textile_twin_core.shaft.clock import copy_numbers, wave_at
 from textile_twin_core.shaft.constants import (
     CLEAN_SAMPLES,
     FALSE_START,
@@ -35,6 +34,7 @@ from textile_twin_core.shaft.constants import (
     UNCONFIRMED,
 )
 from textile_twin_core.shaft.kalman import time_update
+from textile_twin_core.shaft.ripple import copy_numbers, wave_at
 from textile_twin_core.shaft.samples import unwrap_reading
 from textile_twin_core.shaft.status import (
     MANOEUVRE,

@@ -12,7 +12,6 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import compiled_in_place
 from textile_twin_core.shaft import layout
-from textile_twin_core.shaft.clock import set_basis_at
 from textile_twin_core.shaft.constants import (
     ABOVE_SENSOR,
     FALL,
@@ -38,6 +37,7 @@ from textile_twin_core.shaft.constants import (
 )
 from textile_twin_core.shaft.filter_bank import set_shaft_second
 from textile_twin_core.shaft.model_bank import samples_a_turn
+from textile_twin_core.shaft.ripple import set_basis_at
 from textile_twin_core.shaft.status import Bank, FilterRow, FilterStatus, Models, Orders, Records, Sampling
 from textile_twin_core.shaft.turns import TURN
 

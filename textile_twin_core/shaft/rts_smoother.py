@@ -19,7 +19,6 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import by_reference, compiled_in_place
 from textile_twin_core.shaft import layout
-from textile_twin_core.shaft.clock import add_ripple_covariance, add_spread, copy_numbers, shaft_state, wave_at
 from textile_twin_core.shaft.constants import (
     BOUND,
     BURST,
@@ -50,7 +49,14 @@ from textile_twin_core.shaft.filter import put_angle
 from textile_twin_core.shaft.kalman import innovate, measurement_update, time_update
 from textile_twin_core.shaft.outlier_gate import predicted_angle, set_start
 from textile_twin_core.shaft.residual_orders import add_systematic
-from textile_twin_core.shaft.ripple import set_sensitivity
+from textile_twin_core.shaft.ripple import (
+    add_ripple_covariance,
+    add_spread,
+    copy_numbers,
+    set_sensitivity,
+    shaft_state,
+    wave_at,
+)
 from textile_twin_core.shaft.settings import ShaftSettings
 from textile_twin_core.shaft.status import MANOEUVRE, STRETCH, Bank, FilterRow, Records, new_bank
 

@@ -72,7 +72,7 @@ class Filters:
 
 
 class Wave:
-    """Ripple as a function of the angle: basis at one angle, and work space of `clock`."""
+    """Ripple as a function of the angle: basis at one angle, and work space of `ripple`."""
 
     basis: Annotated[FloatArray, (2 * _WIDTH,)]  # cosines and sines
     change: Annotated[FloatArray, (_WIDTH,)]  # of the coefficients
@@ -86,7 +86,7 @@ class Wave:
 class Models:
     """Models of 0 to 24 orders of ripple that compete by likelihood."""
 
-    second: _SecondByModel  # coefficients of g2, see `clock`
+    second: _SecondByModel  # coefficients of g2, see `ripple`
     sensor_ripple: _RippleByModel  # part of g1 that is the sensor's, see `residual_orders`
     shaft_second: _SecondByModel  # coefficients of g2 less that part
     uncertain_power: Annotated[FloatArray, (layout.MODELS, 3)]  # variance by uncertain orders, times order^2, order^4
