@@ -106,6 +106,17 @@ def test_a_cached_loop_is_used_until_a_function_that_it_calls_changes(
     assert _run(modules, cache, program) == (30.0, 0, "")
 
 
+@pytest.mark.slow
+def test_a_function_that_moved_to_another_module_is_compiled_again_without_a_warning(
+    modules: Path, tmp_path: Path
+) -> None:
+    cache = tmp_path / "cache"
+    _run(modules, cache)
+    (modules / "callee.py").rename(modules / "moved.py")
+    (modules / "caller.py").write_text(_CALLER.replace("callee", "moved"))
+    assert _run(modules, cache) == (20.0, 0, "")
+
+
 @pytest.mark.campaign
 @pytest.mark.slow
 def test_damaged_entries_are_compiled_again_and_reported_once(modules: Path, tmp_path: Path) -> None:
