@@ -236,7 +236,9 @@ def _content(function: Any, met: set[Any]) -> Iterator[bytes]:
     if function in met:
         return
     met.add(function)
-    yield repr((function.__module__, function.__defaults__, [cell.cell_contents for cell in function.__closure__ or ()])).encode()
+    yield repr(
+        (function.__module__, function.__defaults__, [cell.cell_contents for cell in function.__closure__ or ()])
+    ).encode()
     for code in _codes(function.__code__):
         yield code.co_code
         yield repr((code.co_names, [c for c in code.co_consts if not isinstance(c, types.CodeType)])).encode()
