@@ -24,7 +24,7 @@ LOWER = 10
 WANTED_S = 2.0
 """Processor time [s] of a test that is not marked slow."""
 
-MARGIN = 10.0
+MARGIN = 4.0
 """A test fails above MARGIN * WANTED_S: a slow or shared processor takes several times as long."""
 
 settings.register_profile("suite", deadline=None)

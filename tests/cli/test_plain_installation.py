@@ -13,9 +13,10 @@ from shutil import copytree, ignore_patterns
 import pytest
 from packaging.requirements import Requirement
 
-from tests.campaign import more
 from textile_twin_core.machines import tufting
 from textile_twin_core.twin import compile_machine
+
+pytestmark = pytest.mark.campaign
 
 ROOT = Path(__file__).parents[2]
 LITTLE_BENCH = """
@@ -83,8 +84,6 @@ def run(command: Path, *arguments: str, where: Path) -> subprocess.CompletedProc
     )
 
 
-@pytest.mark.campaign
-@pytest.mark.slow
 def test_machines_simulate_bench_and_published_need_no_extra(plain: Path, tmp_path: Path) -> None:
     there = run(plain, "machines", where=tmp_path)
     assert there.returncode == 0 and "tufting" in there.stdout, there.stderr
@@ -105,18 +104,15 @@ def test_machines_simulate_bench_and_published_need_no_extra(plain: Path, tmp_pa
     assert done.returncode == 0 and "exact" in done.stdout, done.stderr
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "extra"),
     [
         (["simulate", "tufting", "--rpm", "9", "--png", "x.png"], "view"),
         (["compare", str(ROOT / "bags/tufting_160rpm_synthetic"), "--machine", "tufting"], "files"),
         (["explore", "--no-browser"], "files,design"),
-        *more(
-            (["simulate", "tufting", "--rpm", "9", "--out", "x.parquet"], "files"),
-            (["simulate", "tufting", "--rpm", "9", "--out", "x.mcap"], "files"),
-            (["import", "log.csv", "--out", "bag"], "files"),
-        ),
+        (["simulate", "tufting", "--rpm", "9", "--out", "x.parquet"], "files"),
+        (["simulate", "tufting", "--rpm", "9", "--out", "x.mcap"], "files"),
+        (["import", "log.csv", "--out", "bag"], "files"),
     ],
 )
 def test_what_needs_an_extra_says_how_to_install_it_from_a_checkout(

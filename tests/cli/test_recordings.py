@@ -199,6 +199,7 @@ def test_recorded_predictions_of_another_machine_are_reported(tmp_path: Path, re
     assert [note for note in other if note not in own]
 
 
+@pytest.mark.slow
 def test_compare_writes_all_it_was_asked_for_or_nothing(tmp_path: Path, bag: Path) -> None:
     files = [tmp_path / f"c.{form}" for form in ("json", "rrd", "png")]
     options = [word for file in files for word in (f"--{file.suffix[1:]}", str(file))]

@@ -166,6 +166,7 @@ SPRING_LOOM = LOOM_FILE.replace("C: [0.3, 0]", "C: [0.3, 0], H: [0.1, 0.35]").re
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("offset_Nm", [0.8, *more(0.0)])
 def test_a_spring_at_standstill_is_no_offset(offset_Nm: float, tmp_path: Path) -> None:
     case = healthy("loom", 958)
@@ -260,6 +261,7 @@ def plan_of(*points: tuple[float, float]) -> Callable[[float, float, np.random.G
     return make
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mistakes", [("direction", "delay"), *more((("delay",),))])
 @pytest.mark.parametrize("seed", [100, *more(101, 102, 103)])
 def test_a_delay_in_a_steep_run_up_does_not_mirror_the_machine(

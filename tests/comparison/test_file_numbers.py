@@ -15,6 +15,7 @@ from textile_twin_core.errors import SceneError
 MASS = "bodies.l3.mass_kg"
 
 
+@pytest.mark.slow
 def test_a_mass_that_is_wrong_in_the_file_is_estimated_with_the_file_exact_and_within_tolerances() -> None:
     case = healthy("loom", 921)
     made, true = record(case), configured_machine(case)

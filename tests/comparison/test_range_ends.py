@@ -15,6 +15,7 @@ from textile_twin_core.comparison import Readings, assess, calibrate
 from textile_twin_core.comparison.range_ends import at_range_ends
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("machine", "largest_Nm"), [("loom", 3.0), *more(("tufting", 15.0), ("tufting", 10.0))])
 def test_a_clipped_torque_gives_no_false_cause(machine: str, largest_Nm: float) -> None:
     case = healthy(machine, 977, duration_s=24.0)

@@ -75,6 +75,7 @@ def test_a_right_file_of_a_rocking_shaft_is_accused_of_nothing(
     assert found.found.evidence.track.turns == pytest.approx(2.0 * turns * 12.0 / period_s, rel=0.1)
 
 
+@pytest.mark.slow
 def test_mistakes_of_a_rocking_shaft_are_named_with_their_size(monkeypatch: pytest.MonkeyPatch) -> None:
     """A shaft that rocks tells zero and delay apart: a delay shifts both directions oppositely."""
     case, made = rocking(1.5, 4.0, monkeypatch)

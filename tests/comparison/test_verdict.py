@@ -26,6 +26,7 @@ def judged(case: Case, made: MillRecording | None = None) -> Assessment:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("run_up", "machine"), [(True, "tufting"), (False, "loom"), *more((True, "loom"), (False, "tufting"))]
 )
@@ -35,6 +36,7 @@ def test_nothing_is_said_of_a_healthy_recording(machine: str, run_up: bool) -> N
     assert found.explained > 0.99
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mass", [0.8, *more(1.25)])
 def test_a_rocker_of_another_mass_is_named_or_an_equivalent_and_no_sensor_is_accused(mass: float) -> None:
     case = healthy("loom", 911, duration_s=14.0)
@@ -63,6 +65,7 @@ def test_what_is_too_small_to_be_named_is_no_torque_that_repeats() -> None:
     assert found.verdict == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("machine", "names", "run_up"),
     [
@@ -158,6 +161,7 @@ def test_another_machine_is_not_taken_for_another_unit(machine: str, run_up: boo
     assert names[0] == "other_machine" and "angle_unit" not in names
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 @pytest.mark.parametrize("force_N", [1e-200, *more(0.0, 1e-100)])
 def test_a_load_without_effect_is_left_as_it_is(force_N: float) -> None:

@@ -34,6 +34,7 @@ def excess(program: Program, made: list[Carried]) -> float:
         return max((float(abs(f - c.value) / (c.bound + 1e-30)) for f, c in zip(found, made, strict=True)), default=0.0)
 
 
+@pytest.mark.slow
 @settings(max_examples=400)
 @given(programs())
 def test_simplified_expressions_keep_their_value(program: Program) -> None:

@@ -226,6 +226,7 @@ def test_the_torque_of_a_driven_shaft_is_the_drive_s_at_every_row_of_model_excha
     np.testing.assert_allclose(found["balancing_torque_Nm"], 25.0, rtol=0.0, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_force_over_the_depth_is_that_of_the_twin_and_of_drive(tmp_path: Path) -> None:
     """A pierce, a step inside and another force on the way out, with the angle as input and with the torque."""
     knots, down = (0.55784, 0.5585, 0.5601, 0.5633, 0.5633, 0.576), (250.0, 1200.0, 640.0, 580.0, 820.0, 900.0)

@@ -98,6 +98,7 @@ def test_printed_ranges_and_magnitudes() -> None:
         assert found[name].max() == pytest.approx(high, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_largest_forces() -> None:
     """Torque on the driven shaft and bearing forces, largest at entry or near the lowest point."""
     found = turn(180, reactions=True)

@@ -9,6 +9,7 @@ from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from diagnostic_msgs.srv import SelfTest
 from rosbags.highlevel import AnyReader
@@ -69,6 +70,7 @@ def with_recording(suite: Suite, book: FaultBook, number: int) -> Fault:
     return book.faults()[number - 1]
 
 
+@pytest.mark.slow
 def test_an_alarm_gets_a_recording_whatever_is_killed(suite: Suite) -> None:
     book = FaultBook(suite.folder / "book", create=True)
     talk, node = Talk(suite), fault_node(suite, book)

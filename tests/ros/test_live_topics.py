@@ -156,6 +156,7 @@ def test_messages_that_are_refused_do_not_flood_the_log(suite: Suite) -> None:
     assert "there are robot_0_xxx" in line and len(line) < 500
 
 
+@pytest.mark.slow
 def test_a_recording_played_again_restarts(suite: Suite) -> None:
     start_twin(suite)
     bench = Bench(suite)

@@ -27,6 +27,7 @@ TORQUE = "balancing_torque_Nm"
 SETTLED_NS = 2 * SECOND_NS
 
 
+@pytest.mark.slow
 def test_the_residual_is_the_noise_and_the_numbers_are_those_of_the_core(suite: Suite, tmp_path: Path) -> None:
     case = healthy("tufting", 5, duration_s=5.0, run_up=False, loss=0.0)
     sensor = replace(case.torque, delay_s=0.003, gain=1.02, **FILTER)

@@ -57,6 +57,7 @@ def test_a_fault_is_on_the_diagnostics(suite: Suite) -> None:
     assert list(trends.glob("trend_*.parquet"))
 
 
+@pytest.mark.slow
 def test_stamps_that_go_back_are_watched_on(suite: Suite) -> None:
     monitor = suite.start("monitor_node")
     node = suite.node()

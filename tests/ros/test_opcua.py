@@ -231,6 +231,7 @@ def test_a_namespace_by_its_uri_and_values_without_a_source_time(suite: Suite, p
         later.close()
 
 
+@pytest.mark.slow
 def test_a_variable_that_goes_is_looked_up_again(suite: Suite, plc: Plc) -> None:
     """A PLC that loads another program says so of its variables, while the connection stays."""
     heard = Bridged(suite.node(), "opcua_node: plc")

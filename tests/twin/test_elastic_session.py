@@ -36,6 +36,7 @@ def declared(wide: WideMachine, known: bool, **changes: object) -> Machine:
 
 
 @cache
+@cache
 def record(wide: WideMachine, rpm: float, seconds: float = 4.0) -> Record:
     """Simulate a recording at constant speed."""
     return simulate(wide, rpm, seconds, settle_s=1.0)
@@ -206,6 +207,7 @@ def test_an_encoder_at_the_far_end() -> None:
     assert error_over_peak(samples, made, 1.5) < 0.01
 
 
+@pytest.mark.slow
 def test_a_shaft_settles_as_fast_as_its_vibration_decays() -> None:
     def after_s(damping: float, slip: float) -> float:
         wide = WideMachine(0.06, modal_damping=0.015 * damping, slip_Nms_rad=slip)
