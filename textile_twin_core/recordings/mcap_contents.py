@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import mmap
 import struct
+from collections.abc import Iterator
 from contextlib import suppress
 from io import BytesIO
 
@@ -13,11 +14,13 @@ from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
 from mcap.records import Channel, Metadata, Schema, Statistics
 
-from textile_twin_core.recordings.mcap_framing import MAGIC, Framing
-from textile_twin_core.recordings.mcap_parts import LEAST_MESSAGE, Part
+from textile_twin_core.recordings.mcap_parts import HEAD, LEAST_MESSAGE, MAGIC, Part
 
 _LOOSE_BYTES = 1 << 20
 """Approximate size of a block of unchunked messages."""
+_LEAST = {Opcode.CHUNK: 40, Opcode.FOOTER: 20}
+_KNOWN = frozenset(int(opcode) for opcode in Opcode)
+_PRIVATE = 0x80
 
 
 class Contents:
@@ -26,7 +29,7 @@ class Contents:
     Attributes:
         truncated: True if the file ends without a footer.
         stated_count: Number of messages by the summary; None without a summary.
-        lost: Ranges, start and end, in which no record is found.
+        lost: Start and end of the part behind a damaged head of a record; None without one.
     """
 
     def __init__(self, file: mmap.mmap) -> None:
@@ -37,7 +40,7 @@ class Contents:
         self.parts: list[Part] = []
         self.truncated = True
         self.stated_count: int | None = None
-        self.lost: list[tuple[int, int]] = []
+        self.lost: tuple[int, int] | None = None
         self._scan()
 
     def describe(self, opcode: int, body: bytes) -> None:
@@ -62,11 +65,7 @@ class Contents:
     def _scan(self) -> None:
         loose: Part | None = None
         indexed: Part | None = None  # the chunk whose index follows
-        framing, reached = Framing(self._file, self.channels), len(MAGIC)
-        for opcode, start, end in framing:
-            if start != reached:  # after a lost range
-                loose = indexed = None
-            reached = end
+        for opcode, start, end in self._records():
             if opcode == Opcode.MESSAGE and end - start >= 9 + LEAST_MESSAGE:
                 (time,) = struct.unpack_from("<Q", self._file, start + 15)
                 if loose is None or start - loose.start > _LOOSE_BYTES:
@@ -88,15 +87,28 @@ class Contents:
                 self.truncated = self._file[end : end + len(MAGIC)] != MAGIC
             if opcode != Opcode.MESSAGE_INDEX:
                 indexed = self.parts[-1] if opcode == Opcode.CHUNK else None
-        self.lost = framing.lost
-        if self.truncated and self.lost and self.lost[-1][1] == len(self._file):
-            if self._file[-len(MAGIC) :] == MAGIC:
-                self.truncated = False  # the footer is present, so the damage is before it
-            else:
-                self.lost.pop()  # the last record is incomplete
+        if self.lost is not None:
+            self.truncated = self._file[-len(MAGIC) :] != MAGIC
+            if self.truncated:
+                self.lost = None  # the last record is incomplete
         if self.truncated and self.parts:
             # The index of the last chunk may be incomplete: find its messages record by record.
             self.parts[-1].index.clear()
+
+    def _records(self) -> Iterator[tuple[int, int, int]]:
+        """Iterate over records, (opcode, position, end) each, until one has an impossible head."""
+        at, size = len(MAGIC), len(self._file)
+        while at + 9 <= size:
+            opcode, length = HEAD.unpack_from(self._file, at)
+            after = at + 9 + length
+            known = opcode in _KNOWN or opcode >= _PRIVATE
+            if not known or after > size or length < _LEAST.get(opcode, 0):
+                break
+            yield opcode, at, after
+            at = after
+            if opcode == Opcode.FOOTER:
+                return
+        self.lost = (at, size)
 
     def _index(self, part: Part, start: int, end: int) -> None:
         """Read the index of one channel; without a valid one, messages are found record by record."""

@@ -1,8 +1,10 @@
-"""Parts of an MCAP file: chunks, runs of messages outside chunks, positions of messages within them, damage."""
+"""Records and parts of an MCAP file: chunks, runs of messages outside chunks, messages within them, damage."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import mmap
+import struct
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -12,8 +14,22 @@ from textile_twin_core.arrays import IntArray
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.recordings.cdr_decode import Bytes, MessageBlock, gather
 
+MAGIC = b"\x89MCAP0\r\n"
+HEAD = struct.Struct("<BQ")
 LEAST_MESSAGE = 22
 """Bytes of a message record before its CDR."""
+
+
+def walk(buffer: mmap.mmap | bytes, start: int, end: int) -> Iterator[tuple[int, int, int]]:
+    """Iterate over records between start and end: (opcode, position, end), without an incomplete last one."""
+    unpack = HEAD.unpack_from
+    while start + 9 <= end:
+        opcode, length = unpack(buffer, start)
+        after = start + 9 + length
+        if after > end:
+            return
+        yield opcode, start, after
+        start = after
 
 
 class DamageError(RecordingError):
@@ -145,10 +161,10 @@ class Damage:
     """Collection of the skipped parts of a file.
 
     Args:
-        lost: Ranges, start and end, in which no record is found.
+        lost: Start and end of the part of the file in which no record can be separated from the next; None without one.
     """
 
-    def __init__(self, lost: Sequence[tuple[int, int]]) -> None:
+    def __init__(self, lost: tuple[int, int] | None) -> None:
         self._lost = lost
         self._chunks: list[Part] = []
         self._why = ""
@@ -175,8 +191,7 @@ class Damage:
             at = f"at byte {self._chunks[0].start}" + (" and after it" if n > 1 else "")
             words.append(f"{chunks} {at} ({size} bytes{self._span(span_ns)}): {self._why}")
         if self._lost:
-            size = sum(end - start for start, end in self._lost)
-            words.append(f"{size} bytes from byte {self._lost[0][0]} on are no records")
+            words.append(f"{self._lost[1] - self._lost[0]} bytes from byte {self._lost[0]} on are no records")
         if self.undeclared:
             words.append(f"{self.undeclared} messages are of channels that it does not declare")
         if stated is not None and found != stated:

@@ -17,10 +17,10 @@ from textile_twin_core.arrays import IntArray
 from textile_twin_core.errors import RecordingError, how_to_install
 from textile_twin_core.recordings.cdr_decode import Bytes, MessageBlock
 from textile_twin_core.recordings.mcap_contents import Contents
-from textile_twin_core.recordings.mcap_framing import MAGIC, walk
 from textile_twin_core.recordings.mcap_parts import (
     LEAST_MESSAGE,
     LOG_SUFFIXES,
+    MAGIC,
     Damage,
     DamageError,
     Messages,
@@ -28,6 +28,7 @@ from textile_twin_core.recordings.mcap_parts import (
     decompress,
     find_gaps,
     find_whole,
+    walk,
     what_it_is,
 )
 from textile_twin_core.recordings.rosbag2_metadata import OfferedQos, TopicInfo

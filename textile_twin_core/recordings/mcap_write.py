@@ -14,7 +14,7 @@ import zstandard
 from textile_twin_core.arrays import IntArray
 from textile_twin_core.recordings.cdr_decode import Bytes
 from textile_twin_core.recordings.mcap_chunk import MESSAGE_HEAD_BYTES, PendingChunk
-from textile_twin_core.recordings.mcap_framing import MAGIC
+from textile_twin_core.recordings.mcap_parts import MAGIC
 from textile_twin_core.recordings.mcap_summary import Summary, bytes_of
 from textile_twin_core.recordings.schemas import MessageSchema
 
