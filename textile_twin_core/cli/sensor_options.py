@@ -13,7 +13,7 @@ from textile_twin_core.recordings.log_units import TORQUE_UNITS, spelled, unit_f
 from textile_twin_core.recordings.machine_topics import MachineTopics
 
 if TYPE_CHECKING:
-    from textile_twin_core.machine.protocol import SomeMachine
+    from textile_twin_core.machine.any_machine import SomeMachine
 
 _TYPES = {int: count, float: positive, type(None): positive}
 _UNITS = {"_rad": "RAD", "_s": "S"}

@@ -13,8 +13,8 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.comparison.expected_reading import ReadingStream
 from textile_twin_core.machine import Machine, TorqueFilter, TorqueSensor
-from textile_twin_core.twin.predictor import AnyTwin
 from textile_twin_core.twin.restart import BACK_NS, RestartWatch
+from textile_twin_core.twin.session import AnyTwin
 
 _RECENT = 1000
 _PROBES = 64

@@ -24,7 +24,7 @@ from textile_twin_core.contact import (
 )
 from textile_twin_core.errors import MachineError
 from textile_twin_core.machine.declared import Declared
-from textile_twin_core.machine.protocol import Event
+from textile_twin_core.machine.events import Event
 from textile_twin_core.machine.sensors import Scene, Sensors
 from textile_twin_core.machine.sizes import computable
 from textile_twin_core.machine.urdf import contact_urdf

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import scipy
@@ -12,7 +13,6 @@ from textile_twin_core.expression import Expr, const, derivative, substitute, va
 from textile_twin_core.expression.loop import Loop
 from textile_twin_core.expression.scalar import compile_scalar
 from textile_twin_core.machine.model import MachineModel
-from textile_twin_core.machine.protocol import Event
 from textile_twin_core.mechanism.motion import FULL_TURN
 
 DWELL_SHARE = 0.05
@@ -21,6 +21,19 @@ _TURN = 2.0 * math.pi
 _SAMPLES = 2880
 _START = 0.1234
 """Start of the search [rad], at an unlikely setting of a machine, so that no event lies on a sample."""
+
+
+@dataclass(frozen=True)
+class Event:
+    """A named event of a machine.
+
+    Attributes:
+        name: name of the event, such as `needle_enters_backing`.
+        angle_rad: shaft angle in [0, 2 pi) [rad].
+    """
+
+    name: str
+    angle_rad: float
 
 
 def machine_events(model: MachineModel) -> tuple[Event, ...]:

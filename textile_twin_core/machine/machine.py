@@ -8,10 +8,9 @@ from functools import cached_property
 
 from textile_twin_core.machine.declaration import Declaration
 from textile_twin_core.machine.elastic_outputs import elastic_outputs
-from textile_twin_core.machine.events import machine_events
+from textile_twin_core.machine.events import Event, machine_events
 from textile_twin_core.machine.linkage_row import linkage_row
 from textile_twin_core.machine.model import MachineModel
-from textile_twin_core.machine.protocol import Event
 from textile_twin_core.machine.sensors import Scene
 from textile_twin_core.machine.sizes import computable
 from textile_twin_core.machine.urdf import machine_urdf

@@ -3,28 +3,35 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.contact import ContactEvent
 from textile_twin_core.errors import MotionError, SceneError
 from textile_twin_core.machine import Machine
+from textile_twin_core.machine.sensitivity import TorqueSensitivity
+from textile_twin_core.shaft import OneState, ShaftStates
 from textile_twin_core.twin.accuracy import reached_errors
 from textile_twin_core.twin.exact import ExactEvaluator
-from textile_twin_core.twin.instant import InstantPredictor
 from textile_twin_core.twin.motion_arrays import arrays_for, flat_columns
 from textile_twin_core.twin.plan import describe
-from textile_twin_core.twin.predictor import Predictor, twin_text
-from textile_twin_core.twin.session import Session
+from textile_twin_core.twin.predictor import Prediction, Predictor
+from textile_twin_core.twin.sense import negligible_speed, sense_unknown
+from textile_twin_core.twin.session import AnyTwin
 from textile_twin_core.twin.table import FINEST_TABLE, TableEvaluator
 
 _TABLE_PAYS_FROM = 200_000
 """Number of samples from which building a table pays off."""
+_FEW = 80
+"""Number of samples up to which single evaluation is faster than arrays."""
+_INSIDE = 0.3819
+"""Share of the machine's range at which windings are evaluated, away from the usual dead points."""
 
 
-class Twin:
+class Twin(AnyTwin):
     """Machine compiled for a scene; made by `compile`.
 
     Method `exact` evaluates closed forms. `table` evaluates periodic tables refined to the tolerance. `auto` evaluates
@@ -48,13 +55,11 @@ class Twin:
     """
 
     def __init__(self, machine: Machine, outputs: tuple[str, ...], method: str, tolerance: float) -> None:
-        self.machine, self.outputs, self.method, self.tolerance = machine, outputs, method, tolerance
+        self.machine: Machine = machine
+        self.outputs, self.method, self.tolerance = outputs, method, tolerance
         self._expressions = {name: machine.model.output(name) for name in outputs}
         self._exact = ExactEvaluator(self._expressions)
         self._evaluator: ExactEvaluator | TableEvaluator = self._table if method == "table" else self._exact
-
-    def __repr__(self) -> str:
-        return twin_text(type(self).__name__, self.machine.name, self.outputs, self.method)
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Compiled functions belong to their process, so a copy compiles its own.
@@ -174,23 +179,90 @@ class Twin:
             "where its motion or its forces are not determined"
         )
 
-    @property
-    def events(self) -> tuple[ContactEvent, ...]:
-        """Contact events: always empty, as the machine has no history."""
-        return ()
-
     def predictor(self, shaft: str = "causal", before: Predictor | None = None) -> InstantPredictor:
         """Create the predictor of a session; it has no state."""
         return InstantPredictor(self)
 
-    def session(self, shaft: str = "causal", **settings: Any) -> Session:
-        """Create a session, which takes angle samples and returns predictions, with state between blocks.
 
-        Args:
-            shaft: Shaft estimator: "causal", "lag" or "smooth".
-            **settings: Settings of the estimator.
+class InstantPredictor(Predictor):
+    """Predictor that evaluates a twin at shaft states, by phase and turns so that long runs lose no digits.
 
-        Raises:
-            SceneError: The estimator or a setting is unknown.
-        """
-        return Session(self, shaft, **settings)
+    Dry friction needs the sense of rotation. Where the state does not determine it (see `sense`), dry friction
+    is zero, as at standstill; all other terms of the speed remain.
+    """
+
+    def __init__(self, twin: Twin) -> None:
+        self._twin = twin
+        self._winding = windings(twin)
+
+    @property
+    def sensitivity(self) -> TorqueSensitivity | None:
+        """Sensitivity of the torque to the state; None for a machine without masses."""
+        return self._twin.machine.model.torque_sensitivity
+
+    def predict(self, states: ShaftStates) -> Prediction:
+        """Predict the outputs at states."""
+        motion = (states.phase_rad, states.omega_rad_s, states.alpha_rad_s2)
+        outputs = self._block(motion)
+        unknown = np.flatnonzero(sense_unknown(states))
+        if unknown.size:
+            theta, omega, alpha = (column[unknown] for column in motion)
+            standstill = self._block((theta, np.zeros_like(omega), alpha))
+            turning = self._block((theta, negligible_speed(omega), alpha))
+            for name, values in outputs.items():
+                values[unknown] += standstill[name] - turning[name]
+        for name, winding in self._winding.items():
+            outputs[name] += winding * states.turns
+        return Prediction(states, outputs, self.sensitivity)
+
+    def predict_one(self, stamp: int | float, state: OneState, sense_known: bool) -> dict[str, float]:
+        """Predict the outputs at one state."""
+        *motion, turns = state
+        values = self._single(motion)
+        if not sense_known:
+            theta, omega, alpha = motion
+            standstill = self._single((theta, 0.0, alpha))
+            turning = self._single((theta, float(negligible_speed(omega)), alpha))
+            values = {name: value + (standstill[name] - turning[name]) for name, value in values.items()}
+        for name, winding in self._winding.items():
+            values[name] += winding * turns
+        return values
+
+    def _block(self, motion: Sequence[FloatArray]) -> dict[str, FloatArray]:
+        n, twin = len(motion[0]), self._twin
+        outputs = {name: np.empty(n) for name in twin.outputs}
+        if n > _FEW and outputs:
+            twin.evaluate(*motion, out=outputs)
+        else:
+            for i, row in enumerate(zip(*(a.tolist() for a in motion), strict=True)):
+                for name, value in self._single(row).items():
+                    outputs[name][i] = value
+        return outputs
+
+    def _single(self, state: Sequence[float]) -> dict[str, float]:
+        """Evaluate one sample as in a block: NaN where the motion of the machine is not determined."""
+        try:
+            return self._twin.evaluate(*state)
+        except MotionError:
+            return dict.fromkeys(self._twin.outputs, math.nan)
+
+    def restart(self) -> None:
+        """Do nothing; there is no state."""
+
+    def reset(self) -> None:
+        """Do nothing; there is no state."""
+
+
+def windings(twin: Twin) -> dict[str, float]:
+    """Return the growth over one turn of the outputs that wind up with the shaft, such as its angle.
+
+    Closed forms wind up wherever the linkage closes, even if it closes over a part of the turn only.
+    """
+    low, high = twin.machine.range_rad
+    angle = low + _INSIDE * (high - low)
+    begin, end = twin.evaluate(angle, 0.0, 0.0), twin.evaluate(angle + 2.0 * math.pi, 0.0, 0.0)
+    return {
+        name: 2.0 * math.pi * round((end[name] - begin[name]) / (2.0 * math.pi))
+        for name in twin.outputs
+        if abs(end[name] - begin[name]) > 1.0
+    }

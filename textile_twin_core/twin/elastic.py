@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.contact import ContactEvent
 from textile_twin_core.driveline import ElasticShaft, elastic_shaft, follow_motion
 from textile_twin_core.driveline.observer import ShaftObserver
 from textile_twin_core.errors import MotionError, SceneError
@@ -22,14 +21,14 @@ from textile_twin_core.twin.compiled import Twin
 from textile_twin_core.twin.elastic_motion import ElasticMotion, ElasticOutputs, set_angle, state_rows
 from textile_twin_core.twin.elastic_predictor import ElasticPredictor
 from textile_twin_core.twin.motion_arrays import arrays_for, flat_columns
-from textile_twin_core.twin.predictor import Predictor, twin_text
-from textile_twin_core.twin.session import Session
+from textile_twin_core.twin.predictor import Predictor
+from textile_twin_core.twin.session import AnyTwin
 
 _MOMENT_S = 1e-6
 """Time over which a single sample is followed."""
 
 
-class ElasticTwin:
+class ElasticTwin(AnyTwin):
     """A machine with an elastic main shaft, compiled for its outputs.
 
     The usual outputs speak of the first linkage at its own station, `balancing_torque_Nm` of the piece whose torque the
@@ -37,18 +36,15 @@ class ElasticTwin:
     """
 
     method = "exact"
-    events: tuple[ContactEvent, ...] = ()
 
     def __init__(self, machine: Machine, outputs: tuple[str, ...], tolerance: float) -> None:
-        self.machine, self.outputs, self.tolerance = machine, outputs, tolerance
+        self.machine: Machine = machine
+        self.outputs, self.tolerance = outputs, tolerance
         for name in outputs:
             if name not in machine.outputs:
                 near = get_close_matches(name, machine.outputs, n=3) or machine.outputs[:6]
                 raise SceneError(f"machine '{machine.name}' has no output '{name}'; did you mean {' or '.join(near)}?")
         self.results = ElasticOutputs(machine, outputs)
-
-    def __repr__(self) -> str:
-        return twin_text(type(self).__name__, self.machine.name, self.outputs, self.method)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.machine, self.outputs, self.tolerance)
@@ -137,14 +133,6 @@ class ElasticTwin:
         """An observer before its first reading."""
         period = TURN * self.machine.sensors.second_encoder.ratio
         return ShaftObserver(self.elastic, self.machine.nominal_speed_rad_s, second_period_rad=period)
-
-    def session(self, shaft: str = "causal", **settings: Any) -> Session:
-        """A session: angle samples of the encoder in, predictions out, with the chain's state between blocks.
-
-        `causal` and `lag` are the observer, which needs no look-ahead; `smooth` observes the whole record twice, the
-        second time with the drive and its torque known from the first.
-        """
-        return Session(self, shaft, **settings)
 
     def predictor(self, shaft: str = "causal", before: Predictor | None = None) -> ElasticPredictor:
         """Predictor of a session; `before`: the predictor whose state it continues."""

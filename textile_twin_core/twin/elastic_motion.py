@@ -26,8 +26,7 @@ from textile_twin_core.machine.elastic_outputs import (
 from textile_twin_core.shaft.states import INFLATION, ShaftStates
 from textile_twin_core.shaft.status import STATE
 from textile_twin_core.shaft.turns import TURN
-from textile_twin_core.twin.compiled import Twin
-from textile_twin_core.twin.instant import InstantPredictor, windings
+from textile_twin_core.twin.compiled import InstantPredictor, Twin, windings
 
 BALANCING = "balancing_torque_Nm"
 _INERTIAL = "torque_inertial_Nm"

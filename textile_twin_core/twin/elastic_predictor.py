@@ -14,7 +14,7 @@ from textile_twin_core.machine.main_shaft import ShaftDrive
 from textile_twin_core.shaft import OneState, ShaftStates
 from textile_twin_core.shaft.status import Records
 from textile_twin_core.twin.elastic_motion import ElasticMotion, ElasticOutputs, set_angle, state_rows
-from textile_twin_core.twin.predictor import Prediction
+from textile_twin_core.twin.predictor import Prediction, Predictor
 from textile_twin_core.twin.second_readings import SecondReadings
 
 _KEPT = np.dtype(
@@ -27,7 +27,7 @@ _KEPT = np.dtype(
 """What the observer needs of a row of the shaft estimator."""
 
 
-class ElasticPredictor:
+class ElasticPredictor(Predictor):
     """The observer's predictions.
 
     Args:
@@ -90,10 +90,6 @@ class ElasticPredictor:
     def predict_one(self, stamp: int | float, state: OneState, sense_known: bool) -> dict[str, float]:
         """Not for an observer, which needs the reading."""
         raise NotImplementedError("an observer predicts from readings, not from states")
-
-    def take_events(self) -> tuple[()]:
-        """Return no events: an elastic shaft has no impacts."""
-        return ()
 
     def restart(self) -> None:
         """Begin another record; the estimate of the drive remains."""

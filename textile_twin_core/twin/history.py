@@ -18,14 +18,14 @@ from textile_twin_core.machine import ContactMachine
 from textile_twin_core.machine.contact_motion import ContactMotion, measured_error
 from textile_twin_core.shaft import OneState, ShaftStates
 from textile_twin_core.twin.motion_arrays import arrays_for, flat_columns
-from textile_twin_core.twin.predictor import Prediction, Predictor, StampedEvent, twin_text
-from textile_twin_core.twin.session import Session
+from textile_twin_core.twin.predictor import Prediction, Predictor, StampedEvent
+from textile_twin_core.twin.session import AnyTwin
 
 _MOST_EVENTS = 100_000
 """Capacity of a session for impacts and touches that are not taken yet."""
 
 
-class HistoryTwin:
+class HistoryTwin(AnyTwin):
     """Machine with history, integrated event by event in the order of the samples.
 
     Attributes:
@@ -37,14 +37,12 @@ class HistoryTwin:
     method = "exact"
 
     def __init__(self, machine: ContactMachine, outputs: tuple[str, ...], tolerance: float) -> None:
-        self.machine, self.outputs, self.tolerance = machine, outputs, tolerance
+        self.machine: ContactMachine = machine
+        self.outputs, self.tolerance = outputs, tolerance
         self.events: list[ContactEvent] = []
         if not 1e-14 <= tolerance <= 1e-3:
             raise SceneError(f"a machine with history takes a tolerance between 1e-14 and 1e-3, not {tolerance!r}")
         self._motion()  # raises for unknown outputs
-
-    def __repr__(self) -> str:
-        return twin_text(type(self).__name__, self.machine.name, self.outputs, self.method)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.machine, self.outputs, self.tolerance), {"events": self.events}
@@ -107,12 +105,6 @@ class HistoryTwin:
             ]
         )
 
-    def session(self, shaft: str = "causal", **settings: Any) -> Session:
-        """Create a session, which takes angle samples and returns predictions, with the machine's state between
-        blocks.
-        """
-        return Session(self, shaft, **settings)
-
     def predictor(self, shaft: str = "causal", before: Predictor | None = None) -> HistoryPredictor:
         """Create the predictor of a session; the history starts with it."""
         return HistoryPredictor(self._motion())
@@ -121,11 +113,8 @@ class HistoryTwin:
         return ContactMotion(self.machine, self.outputs, self.tolerance)
 
 
-class HistoryPredictor:
+class HistoryPredictor(Predictor):
     """Predictor at shaft states in their order."""
-
-    at_once = True
-    estimator = None
 
     def __init__(self, motion: ContactMotion) -> None:
         self.motion = motion
@@ -138,8 +127,6 @@ class HistoryPredictor:
             return Prediction(states, {name: np.empty(0) for name in self.motion.outputs}, None)
         outputs = self._step(states.stamps, states.phase_rad, states.omega_rad_s, states.alpha_rad_s2)
         return Prediction(states, outputs, None)
-
-    finish = predict
 
     def predict_one(self, stamp: int | float, state: OneState, sense_known: bool) -> dict[str, float]:
         """Predict the outputs at one state; such a machine has no friction that follows the sense of rotation."""

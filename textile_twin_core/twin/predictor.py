@@ -1,15 +1,15 @@
-"""Protocols between a session and its twin, and the records that they exchange."""
+"""Predictors of the outputs at shaft states, and the records that they exchange with a session."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.contact import ContactEvent
-from textile_twin_core.machine import AnyMachine
 from textile_twin_core.machine.sensitivity import TorqueSensitivity
 from textile_twin_core.shaft import OneState, ShaftStates
 
@@ -31,11 +31,6 @@ def names_text(names: Sequence[str]) -> str:
     return f"{', '.join(names[:_SHOWN])}{more}"
 
 
-def twin_text(kind: str, machine: str, outputs: Sequence[str], method: str) -> str:
-    """Format the repr of a twin."""
-    return f"<{kind} of '{machine}', {method}: {names_text(outputs)}>"
-
-
 class Prediction(NamedTuple):
     """Outputs at estimated shaft states.
 
@@ -51,80 +46,43 @@ class Prediction(NamedTuple):
     uncertainty: TorqueSensitivity | FloatArray | None
 
 
-class Predictor(Protocol):
-    """Converter of shaft states, in their order, into outputs."""
+class Predictor(ABC):
+    """Converter of shaft states, in their order, into outputs.
 
-    @property
-    def at_once(self) -> bool:
-        """True if `predict_one` may be called."""
-        ...
+    Attributes:
+        at_once: True if `predict_one` may be called.
+        estimator: Only shaft estimator that the predictor accepts; None for any.
+    """
 
-    @property
-    def estimator(self) -> str | None:
-        """Only shaft estimator that the predictor accepts; None for any."""
-        ...
+    at_once = True
+    estimator: str | None = None
 
+    @abstractmethod
     def predict(self, states: ShaftStates) -> Prediction:
         """Predict the outputs at states."""
-        ...
 
     def finish(self, states: ShaftStates) -> Prediction:
         """Predict the outputs at the last states of a record and at all states not predicted yet."""
-        ...
+        return self.predict(states)
 
+    @abstractmethod
     def predict_one(self, stamp: int | float, state: OneState, sense_known: bool) -> dict[str, float]:
         """Predict the outputs at one state; `sense_known` is true if it determines the sense of rotation (see
         `sense`).
         """
-        ...
+
+    def take_second(self, stamps: np.ndarray, angles: FloatArray) -> None:
+        """Take readings of a second encoder: (n,) stamps and angles [rad], before the states that they belong to."""
+        raise NotImplementedError("a rigid shaft has no second encoder")
 
     def take_events(self) -> Sequence[StampedEvent]:
         """Remove and return the events since the last call; empty without a history."""
-        ...
+        return ()
 
+    @abstractmethod
     def restart(self) -> None:
         """Begin another record on stamps that were set back; call it after `finish`."""
-        ...
 
+    @abstractmethod
     def reset(self) -> None:
         """Reset the state."""
-        ...
-
-
-@runtime_checkable
-class SecondEncoderPredictor(Protocol):
-    """Predictor that uses a second encoder."""
-
-    def take_second(self, stamps: np.ndarray, angles: FloatArray) -> None:
-        """Take its readings: (n,) stamps and angles [rad], reduced to the main shaft."""
-        ...
-
-
-class AnyTwin(Protocol):
-    """Machine compiled for its outputs, with or without a history."""
-
-    @property
-    def machine(self) -> AnyMachine:
-        """Machine of the twin."""
-        ...
-
-    @property
-    def events(self) -> Sequence[ContactEvent]:
-        """Impacts and touches of the last `evaluate`; empty without a history."""
-        ...
-
-    def evaluate(
-        self,
-        theta: float | FloatArray,
-        omega: float | FloatArray = 0.0,
-        alpha: float | FloatArray = 0.0,
-        *,
-        time: float | FloatArray | None = None,
-        out: Mapping[str, FloatArray] | None = None,
-    ) -> dict[str, Any]:
-        """Return the outputs by name at shaft states; only a machine with a history needs `time`."""
-        ...
-
-    def predictor(self, shaft: str = "causal", before: Predictor | None = None) -> Predictor:
-        """Create the predictor for a shaft estimator; `before` is a predictor whose state continues."""
-        ...

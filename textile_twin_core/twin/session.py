@@ -7,6 +7,7 @@ session. tests/twin/test_session.py compares blocks of any size with single samp
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,13 +18,14 @@ import numpy as np
 import numpy.typing as npt
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
+from textile_twin_core.contact import ContactEvent
 from textile_twin_core.errors import SceneError
 from textile_twin_core.machine import AnyMachine, Machine
 from textile_twin_core.machine.sensitivity import TorqueSensitivity
 from textile_twin_core.machine.sensors import Encoder
 from textile_twin_core.shaft import SampleReport, ShaftStates, create_estimator
 from textile_twin_core.shaft.turns import TURN, TURN_TAIL
-from textile_twin_core.twin.predictor import AnyTwin, Predictor, SecondEncoderPredictor, StampedEvent, names_text
+from textile_twin_core.twin.predictor import Predictor, StampedEvent, names_text
 from textile_twin_core.twin.restart import RestartWatch
 from textile_twin_core.twin.sense import SENSE_SIGMAS
 
@@ -175,6 +177,53 @@ def _span_text(stamps: FloatArray | IntArray) -> str:
     return f"{float(stamps[0]) * unit:.3f} to {float(stamps[-1]) * unit:.3f} s"
 
 
+class AnyTwin(ABC):
+    """Machine compiled for its outputs, with or without a history.
+
+    Attributes:
+        events: Impacts and touches of the last `evaluate`; empty without a history.
+    """
+
+    machine: AnyMachine
+    outputs: tuple[str, ...]
+    method: str
+    events: Sequence[ContactEvent] = ()
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} of '{self.machine.name}', {self.method}: {names_text(self.outputs)}>"
+
+    @abstractmethod
+    def evaluate(
+        self,
+        theta: float | FloatArray,
+        omega: float | FloatArray = 0.0,
+        alpha: float | FloatArray = 0.0,
+        *,
+        time: float | FloatArray | None = None,
+        out: Mapping[str, FloatArray] | None = None,
+    ) -> dict[str, Any]:
+        """Return the outputs by name at shaft states; only a machine with a history needs `time`."""
+
+    @abstractmethod
+    def predictor(self, shaft: str = "causal", before: Predictor | None = None) -> Predictor:
+        """Create the predictor for a shaft estimator; `before` is a predictor whose state continues."""
+
+    def session(self, shaft: str = "causal", **settings: Any) -> Session:
+        """Create a session, which takes angle samples and returns predictions, with state between blocks.
+
+        An elastic shaft has an observer in place of `causal` and `lag`; `smooth` observes the whole record twice, the
+        second time with the drive and its torque known from the first.
+
+        Args:
+            shaft: Shaft estimator: "causal", "lag" or "smooth".
+            **settings: Settings of the estimator.
+
+        Raises:
+            SceneError: The estimator or a setting is unknown.
+        """
+        return Session(self, shaft, **settings)
+
+
 class Session:
     """Session of a twin that takes angle samples of its encoder.
 
@@ -280,7 +329,7 @@ class Session:
         Raises:
             SceneError: The machine has no second encoder.
         """
-        if not has_second_encoder(self.twin.machine) or not isinstance(self._predictor, SecondEncoderPredictor):
+        if not has_second_encoder(self.twin.machine):
             raise SceneError(
                 f"machine '{self.twin.machine.name}' has no second encoder: name its station as second_encoder_at"
                 " under `shaft`"
