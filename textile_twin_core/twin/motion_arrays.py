@@ -15,10 +15,6 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.errors import MotionError
 
 _SHORT = 16_384
-_FEW = 1024
-_LINE = 8
-"""Doubles per cache line."""
-_APART = 5 * _LINE
 _DOUBLE = np.dtype(np.float64)
 _beginning = (c_char * 0).from_buffer
 
@@ -69,7 +65,7 @@ def arrays_for(
             motion's `columns`, which are still read while outputs are written.
     """
     if out is None:
-        return _new_arrays(list(outputs), shape)
+        return {name: np.empty(shape) for name in outputs}
     chosen: dict[str, FloatArray] = {}
     for name in outputs:
         a = out.get(name)
@@ -96,23 +92,6 @@ def _check_apart(outputs: Mapping[str, Any], columns: Iterable[Any], nbytes: int
             if one and other:
                 raise MotionError(f"out['{one}'] and out['{other}'] share memory; give each output an array of its own")
             raise MotionError(f"out['{one or other}'] shares memory with the motion; give it an array of its own")
-
-
-def _new_arrays(names: list[str], shape: tuple[int, ...]) -> dict[str, FloatArray]:
-    """Allocate arrays in one block, aligned to cache lines and at different offsets within a memory page.
-
-    Separate large arrays all start at the same offset within a page, and evict each other from the cache when
-    written side
-    by side. Short arrays fit in the cache anyway.
-    """
-    size = math.prod(shape)
-    if size <= _FEW:
-        return {name: np.empty(shape) for name in names}
-    pitch = -(-size // _LINE) * _LINE + _APART
-    block = np.empty(len(names) * pitch + _LINE)
-    first = (-block.__array_interface__["data"][0] // block.itemsize) % _LINE
-    rows = (block[first + k * pitch : first + k * pitch + size] for k in range(len(names)))
-    return {name: row.reshape(shape) for name, row in zip(names, rows, strict=True)}
 
 
 def _floats(name: str, value: npt.ArrayLike) -> FloatArray:
