@@ -8,7 +8,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from textile_twin_core.contact.drive import DrivePiece, hermite_piece
+from textile_twin_core.contact.drive import DrivePiece, quintic
 from textile_twin_core.mechanism.motion_law import Section
 
 
@@ -34,7 +34,7 @@ def test_series_of_a_law_along_an_accelerating_shaft() -> None:
 
 def test_quintic_meets_both_ends() -> None:
     start, end = (0.01, -0.5, 30.0), (0.02, 0.8, -90.0)
-    piece = hermite_piece(0.4, start, 0.45, end)
+    piece = DrivePiece(0.4, 0.45, Section((0.0, 1.0)), quintic(0.45 - 0.4, start, end))
     assert piece.state(0.4) == pytest.approx(start, rel=1e-12)
     assert piece.state(0.45) == pytest.approx(end, rel=1e-11)
 

@@ -17,7 +17,7 @@ from textile_twin_core.contact import (
     SlidingBody,
     SpringDamper,
     Stop,
-    hermite_piece,
+    quintic,
     run_contact,
 )
 from textile_twin_core.mechanism.motion_law import Section
@@ -173,7 +173,7 @@ def test_the_error_of_a_jam_names_the_stops_and_the_time() -> None:
         (SlidingBody("body", 0.2),),
         stops=(Stop("push", "body", "drive", 0.0), Stop("wall", FRAME, "body", 0.05)),
     )
-    pieces = [hermite_piece(0.0, (0.0, 0.0, 0.0), 1.0, (0.1, 0.0, 0.0))]
+    pieces = [DrivePiece(0.0, 1.0, Section((0.0, 1.0)), quintic(1.0, (0.0, 0.0, 0.0), (0.1, 0.0, 0.0)))]
     with pytest.raises(ContactError, match=r"at 0\.49\d* s.*push, wall|at 0\.5 s.*push, wall"):
         run_contact(ContactIntegrator(model), [0.0], pieces)
 

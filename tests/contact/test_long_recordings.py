@@ -9,7 +9,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from textile_twin_core.contact import DrivePiece, run_contact
+from textile_twin_core.contact import DrivePiece, drive_series, run_contact
 from textile_twin_core.contact.law_pieces import law_pieces
 from textile_twin_core.machine.contact_motion import ContactMotion, phase
 from textile_twin_core.machines.needle_transfer import needle_transfer
@@ -28,7 +28,7 @@ SLOW_SINE = Section((0.02167778784832121, -0.022246556964395203), 0.010270818227
 def test_the_drives_series_reaches_as_far_as_it_says(argument: tuple[float, ...], order: int, error: float) -> None:
     """The series summed at the end of its reach, against the law at the argument with 40 digits."""
     piece = DrivePiece(2.0, 2.002052, SLOW_SINE, argument)
-    span = piece.reach_s(2.0, 0.002052, order, error)
+    span = drive_series.reach(piece.motion, 2.0, 0.002052, order, error)
     assert 1e-4 < span <= 0.002052
     with mp.workdps(40):
         s = sum(mp.mpf(c) * mp.mpf(span) ** k for k, c in enumerate(argument))

@@ -14,8 +14,11 @@ import pytest
 import textile_twin_core as ttc
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.cli.main import main
+from textile_twin_core.compiling import compiled
 from textile_twin_core.driveline import bare_shaft, chain_state, elastic_shaft, find_modes, find_resonances
-from textile_twin_core.driveline.runs import outputs, run_free, twist_statically
+from textile_twin_core.driveline.chain import ShaftChain
+from textile_twin_core.driveline.runs import Outputs, observe, outputs, twist_statically
+from textile_twin_core.driveline.step import ChainState, midpoint_step
 from textile_twin_core.errors import MotionError
 from textile_twin_core.machine import EvenShaft, Machine, MainShaft, ShaftDrive, ShaftPiece, Station
 
@@ -126,6 +129,43 @@ def order_amplitude(
     mean = np.convolve(at, np.full(256 * turns, 1.0 / (256 * turns)), "valid")[::256]
     edges = np.interp(theta[0] + 2.0 * np.pi * np.arange(mean.size + turns), theta, t)
     return 2.0 * np.pi * turns / (edges[turns:] - edges[:-turns]), 2.0 * np.abs(mean)
+
+
+@compiled
+def run_free(
+    chain: ShaftChain,
+    state: ChainState,
+    base: FloatArray,
+    time: FloatArray,
+    substeps: int,
+    torque: FloatArray,
+    reference: FloatArray,
+    out: Outputs,
+) -> None:
+    """Run with all stations free under external torques (samples, stations), straight lines between the samples.
+
+    base: angle and speed of the reference [rad, rad/s], moved to the first station after each sample; `reference`
+    (samples,) gets its angle at each sample.
+    """
+    n = chain.inertia.size
+    now = np.zeros(n)
+    for j in range(time.size):
+        if j > 0:
+            h = (time[j] - time[j - 1]) / substeps
+            for s in range(substeps):
+                x = (s + 0.5) / substeps
+                for i in range(n):
+                    now[i] = (1.0 - x) * torque[j - 1, i] + x * torque[j, i]
+                midpoint_step(chain, state, base[0], base[1], 0.0, h, -1, now)
+                base[0] += h * base[1]
+        shift, faster = state.psi[0], state.speed[0]
+        base[0] += shift
+        base[1] += faster
+        for i in range(n):
+            state.psi[i] -= shift
+            state.speed[i] -= faster
+        observe(chain, state, base[0], base[1], 0.0, -1, torque[j], j, out)
+        reference[j] = base[0]
 
 
 @pytest.mark.slow

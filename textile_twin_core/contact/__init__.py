@@ -3,7 +3,7 @@
 Declare a `ContactModel`. Run it as a whole with `run_contact`, or piece by piece with a `ContactIntegrator`.
 """
 
-from textile_twin_core.contact.drive import DrivePiece, hermite_piece, quintic
+from textile_twin_core.contact.drive import DrivePiece, quintic
 from textile_twin_core.contact.energy import EnergyBook, book_energy
 from textile_twin_core.contact.integrator import Advance, ContactIntegrator
 from textile_twin_core.contact.law_pieces import law_pieces
@@ -31,7 +31,6 @@ __all__ = [
     "SpringDamper",
     "Stop",
     "book_energy",
-    "hermite_piece",
     "law_pieces",
     "quintic",
     "run_contact",

@@ -36,22 +36,10 @@ class DrivePiece:
         """Expand x(time + u span) in powers of u [m]: coefficients (order+1,), exact to rounding."""
         return drive_series.taylor(self.motion, time_s, span_s, order)
 
-    def reach_s(self, time_s: float, longest_s: float, order: int, error: float) -> float:
-        """Compute the span, at most `longest_s`, over which the truncated series is accurate.
-
-        After u^order the truncation error is at most `error` times the distance moved by the element.
-        """
-        return drive_series.reach(self.motion, time_s, longest_s, order, error)
-
     def state(self, time_s: float) -> tuple[float, float, float]:
         """Evaluate position [m], velocity [m/s] and acceleration [m/s^2] at a time."""
         x, v, half_a = self.taylor(time_s, 1.0, 2).tolist()
         return x, v, 2.0 * half_a
-
-
-def hermite_piece(start_s: float, start: Sequence[float], end_s: float, end: Sequence[float]) -> DrivePiece:
-    """Build the quintic with the given value, velocity and acceleration at both ends of a time interval."""
-    return DrivePiece(start_s, end_s, IDENTITY, quintic(end_s - start_s, start, end))
 
 
 def quintic(span_s: float, start: Sequence[float], end: Sequence[float]) -> tuple[float, ...]:

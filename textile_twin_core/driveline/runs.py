@@ -117,43 +117,6 @@ def follow(
         observe(chain, state, theta[j], omega[j], alpha[j], fixed, torque[j], j, out)
 
 
-@compiled
-def run_free(
-    chain: ShaftChain,
-    state: ChainState,
-    base: FloatArray,
-    time: FloatArray,
-    substeps: int,
-    torque: FloatArray,
-    reference: FloatArray,
-    out: Outputs,
-) -> None:
-    """Run with all stations free under external torques (samples, stations), straight lines between the samples.
-
-    base: angle and speed of the reference [rad, rad/s], moved to the first station after each sample; `reference`
-    (samples,) gets its angle at each sample.
-    """
-    n = chain.inertia.size
-    now = np.zeros(n)
-    for j in range(time.size):
-        if j > 0:
-            h = (time[j] - time[j - 1]) / substeps
-            for s in range(substeps):
-                x = (s + 0.5) / substeps
-                for i in range(n):
-                    now[i] = (1.0 - x) * torque[j - 1, i] + x * torque[j, i]
-                midpoint_step(chain, state, base[0], base[1], 0.0, h, -1, now)
-                base[0] += h * base[1]
-        shift, faster = state.psi[0], state.speed[0]
-        base[0] += shift
-        base[1] += faster
-        for i in range(n):
-            state.psi[i] -= shift
-            state.speed[i] -= faster
-        observe(chain, state, base[0], base[1], 0.0, -1, torque[j], j, out)
-        reference[j] = base[0]
-
-
 @compiled_in_place
 def twist_statically(
     chain: ShaftChain, state: ChainState, theta: float, omega: float, alpha: float, fixed: int, torque: FloatArray
