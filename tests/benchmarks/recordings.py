@@ -28,8 +28,7 @@ from textile_twin_core.files import read_motion_table, write_table
 from textile_twin_core.recordings import BagWriter, open_bag
 from textile_twin_core.recordings.cdr_decode import layouts
 from textile_twin_core.recordings.mcap_parts import Messages, decompress, walk
-from textile_twin_core.recordings.message_types import JOINT_STATE
-from textile_twin_core.recordings.schemas import message_schema
+from textile_twin_core.recordings.schemas import JOINT_STATE, message_schema
 
 
 def _seconds(work: Callable[[], object], times: int) -> float:

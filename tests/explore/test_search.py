@@ -12,7 +12,7 @@ from textile_twin_core import machines
 from textile_twin_core.errors import SceneError
 from textile_twin_core.explore.analysis import analyse
 from textile_twin_core.explore.design import Design
-from textile_twin_core.explore.progress import failing_text
+from textile_twin_core.explore.packing import failing_text
 from textile_twin_core.explore.search import Goal, SearchProgress, Task, search
 from textile_twin_core.synthesis.tolerance import Limit
 

@@ -14,7 +14,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from tests.ros.suite import RELIABLE, Suite
-from textile_twin_core.recordings.message_types import WRENCH
+from textile_twin_core.recordings.schemas import WRENCH
 from textile_twin_ros import diagnostics, endpoints, inputs, messages
 from textile_twin_ros.diagnostics import OK, STALE, WARN, DiagnosticsPublisher, InputWatch, Status
 from textile_twin_ros.endpoints import describe_publishers

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from textile_twin_core.recordings.message_types import JOINT_STATE, WRENCH
+from textile_twin_core.recordings.schemas import JOINT_STATE, WRENCH
 from textile_twin_ros.machine_namespace import PROCESS, MachineNamespace, published_by_twins
 
 THERE = [

@@ -9,7 +9,7 @@ from sensor_msgs.msg import JointState
 from tests.ros.suite import RELIABLE, SECOND_NS, Suite, shaft_angles
 from tests.ros.test_live_topics import stamp_of
 from textile_twin_core.recordings import BagWriter
-from textile_twin_core.recordings.message_types import FLOAT64, JOINT_STATE, POINT, WRENCH
+from textile_twin_core.recordings.schemas import FLOAT64, JOINT_STATE, POINT, WRENCH
 from textile_twin_ros.machine_namespace import published_by_twins
 from textile_twin_ros.messages import JointTemplate
 from textile_twin_ros.pacing import PlaybackClock

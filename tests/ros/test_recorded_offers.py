@@ -17,7 +17,7 @@ from std_msgs.msg import Float64, String
 
 from tests.ros.suite import RELIABLE, Suite
 from textile_twin_core.recordings import BagWriter, OfferedQos, open_bag
-from textile_twin_core.recordings.message_types import FLOAT64
+from textile_twin_core.recordings.schemas import FLOAT64
 
 
 def test_a_recording_has_the_times_of_sending_and_of_reception(suite: Suite) -> None:

@@ -16,9 +16,8 @@ from textile_twin_core.cli.arguments import Parser, add_machine, add_recording, 
 from textile_twin_core.cli.mistakes import BeyondLimitError, UsageError
 from textile_twin_core.cli.named_machine import load_linkage
 from textile_twin_core.cli.outputs import check_output, print_rows
-from textile_twin_core.cli.predicted import station_angles
 from textile_twin_core.cli.progress import stages
-from textile_twin_core.cli.readings import read_samples, read_second, readings_of
+from textile_twin_core.cli.readings import read_samples, read_second, readings_of, station_angles
 from textile_twin_core.cli.recording_batch import BatchJob, add_batch, one_recording, quietly, run_batch
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 from textile_twin_core.comparison import Comparison, assess, compare_torque, summary_rows, verdict_lines

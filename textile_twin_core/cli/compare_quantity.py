@@ -43,7 +43,7 @@ def run(arguments: argparse.Namespace, machine: Machine, limits: Iterable[str] =
         found = _compared(arguments, machine)
         rows, numbers = _rows(found), found.to_json()
         if arguments.png is not None:
-            from textile_twin_core.views.plot_quantity import plot_quantity
+            from textile_twin_core.views.plot import plot_quantity
 
             with staged(arguments.png) as partial:
                 plot_quantity(partial, found, machine.name)

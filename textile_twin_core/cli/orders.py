@@ -24,10 +24,10 @@ from textile_twin_core.comparison.shaft_track import ShaftTrack, shaft_track
 from textile_twin_core.files import staged
 from textile_twin_core.machine import Encoder, Machine
 from textile_twin_core.recordings import Bag, open_bag
-from textile_twin_core.recordings.message_types import JOINT_STATE
 from textile_twin_core.recordings.prediction import recompute
 from textile_twin_core.recordings.recorded_clock import clock_notes, on_one_clock
 from textile_twin_core.recordings.samples import AngleSamples
+from textile_twin_core.recordings.schemas import JOINT_STATE
 
 _FORMS = {
     "json": "spectra and maps",

@@ -1,18 +1,25 @@
-"""Logged samples of the recording named by the arguments."""
+"""Recording as the commands take it: readings of a machine's shaft and torque, and predictions from them."""
 
 from __future__ import annotations
 
 import argparse
 
+import numpy as np
+
+from textile_twin_core.cli.arguments import shaft_settings
 from textile_twin_core.cli.mistakes import tell
+from textile_twin_core.cli.progress import progress
 from textile_twin_core.cli.sensor_options import topics_of
 from textile_twin_core.comparison.readings import SecondAngle
-from textile_twin_core.machine import AnyMachine
+from textile_twin_core.machine import AnyMachine, Machine
 from textile_twin_core.recordings.bag import Bag
 from textile_twin_core.recordings.logged_run import LoggedRun, open_run, readings_of
 from textile_twin_core.recordings.machine_topics import unit_notes
-from textile_twin_core.recordings.prediction import second_angles
+from textile_twin_core.recordings.prediction import predictions, second_angles
+from textile_twin_core.recordings.recorded_clock import one_record
 from textile_twin_core.recordings.samples import AngleSamples, TorqueSamples
+from textile_twin_core.twin import Samples, compile_machine
+from textile_twin_core.twin.predictor import StampedEvent
 
 __all__ = ["read_angles", "read_samples", "read_second", "readings_of", "tell_unit"]
 
@@ -45,3 +52,41 @@ def read_second(arguments: argparse.Namespace, machine: AnyMachine, bag: Bag) ->
     second, missing = second_angles(topics_of(arguments), bag, machine)
     tell(*missing)
     return second
+
+
+def station_angles(arguments: argparse.Namespace, machine: AnyMachine) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return stamps (n,) [ns] and angles (n, stations) [rad] of the stations of an elastic shaft; None for a
+    rigid shaft.
+    """
+    stations = [name for name, _ in station_joints(machine)]
+    if not stations:
+        return None
+    stamps, blocks, _ = predicted_blocks(arguments, machine, stations, arguments.shaft)
+    return stamps, columns_of(blocks, stations)
+
+
+def station_joints(machine: AnyMachine) -> list[tuple[str, str]]:
+    """Return the outputs for angle and speed of each station of an elastic shaft."""
+    shaft = machine.shaft if isinstance(machine, Machine) else None
+    return [] if shaft is None else [machine.joint_outputs[f"station_{name}"] for name in shaft.names]
+
+
+def columns_of(blocks: list[Samples], names: list[str]) -> np.ndarray:
+    """Concatenate the outputs of blocks as (n, names)."""
+    return np.concatenate([np.stack([block[name] for name in names], axis=1) for block in blocks])
+
+
+def predicted_blocks(
+    arguments: argparse.Namespace, machine: AnyMachine, outputs: list[str], shaft: str
+) -> tuple[np.ndarray, list[Samples], list[StampedEvent]]:
+    """Return stamps [ns] and predictions at the recorded angles, and the events at stops and pads."""
+    bag, angles = read_angles(arguments, machine)
+    tell_unit(angles)
+    angles = one_record(angles)
+    session = compile_machine(machine, outputs).session(shaft, **shaft_settings(arguments))
+    with progress(len(angles), "predicting") as done:
+        blocks, events = [], list[StampedEvent]()
+        for block in predictions(session, angles, done, read_second(arguments, machine, bag)):
+            blocks.append(block)
+            events += session.take_events()
+    return np.concatenate([np.asarray(block.stamps, np.int64) for block in blocks]), blocks, events

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from textile_twin_core.cli.compare import compare_recording
-from textile_twin_core.cli.predicted import columns_of, predicted_blocks, station_angles, station_joints
+from textile_twin_core.cli.readings import columns_of, predicted_blocks, station_angles, station_joints
 from textile_twin_core.cli.sensor_options import topics_of
 from textile_twin_core.machine import AnyMachine, ContactMachine, Machine
 from textile_twin_core.recordings import open_bag

@@ -10,8 +10,7 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.driveline import elastic_shaft, find_resonances
 from textile_twin_core.dynamics.loads import Backing, ForceCurve
-from textile_twin_core.explore.analysis_of_contact import analyse_contact
-from textile_twin_core.explore.analysis_of_transfer import analyse_transfer
+from textile_twin_core.explore.analysis_of_contact import analyse_contact, analyse_transfer
 from textile_twin_core.explore.design import Design
 from textile_twin_core.explore.interference import clashes
 from textile_twin_core.explore.shown import Analysis, Bar, Chart, Mark, Span

@@ -20,7 +20,7 @@ from threading import Thread
 from textile_twin_core import machines
 from textile_twin_core.compiling import cache_directory
 from textile_twin_core.errors import TwinError
-from textile_twin_core.explore.analysis_of_transfer import analyse_transfer
+from textile_twin_core.explore.analysis_of_contact import analyse_transfer
 
 _PATIENCE_S = 2.0
 """Longest wait; loops in the cache load faster."""

@@ -1,9 +1,10 @@
-"""Messages of the page: a JSON head followed by the curves as 32-bit floats, small enough to follow a slider."""
+"""Messages of the page: a JSON head followed by curves as 32-bit floats, small enough to follow a slider."""
 
 from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.explore.design import Design
 from textile_twin_core.explore.labels import PRINTED, label, shown_unit
+from textile_twin_core.explore.search import LimitTally, SearchProgress, Task
 from textile_twin_core.explore.shown import Analysis
 
 
@@ -108,3 +110,55 @@ def printed_of(design: Design) -> dict[str, str]:
         return {}
     kind = getattr(design.family, "kind", "")
     return PRINTED.get(kind, {}) if design.family.base.name == kind else {}
+
+
+def progress_message(progress: SearchProgress, task: Task, running: bool, took: float = 0.0) -> bytes:
+    """Build the message of the progress of a search.
+
+    Args:
+        progress: Progress of the search.
+        task: Task of the search.
+        running: True while the search continues.
+        took: Time so far [s].
+    """
+    shown = list(dict.fromkeys([g.number for g in task.goals] + [k.number for k in task.limits]))
+    front = [[one.numbers[name] * label(name).factor for name in shown] for one in progress.front]
+    head = {
+        "type": "front",
+        "running": running,
+        "numbers": [{"text": label(name).text, "unit": label(name).unit} for name in shown],
+        "front": plain(front),
+        "designs": progress.designs,
+        "per_second": progress.designs_per_second,
+        "share": progress.share,
+        "took": took,
+        "complete": progress.complete,
+        "failing": "" if progress.front else failing_text(progress.tallies),
+    }
+    return Arrays().packed(head)
+
+
+def failing_text(tallies: Sequence[LimitTally]) -> str:
+    """Name the limits that no design meets, with the nearest value; if each is met by some, the one met by the
+    fewest.
+    """
+    failing = [one for one in tallies if not one.designs]
+    if failing:
+        return "; ".join(f"none has {_limit_text(one)}{_nearest_text(one)}" for one in failing)
+    if not tallies:
+        return ""
+    fewest = min(tallies, key=lambda one: one.designs)
+    return f"{fewest.designs} have {_limit_text(fewest)}, and none of these meets the other limits"
+
+
+def _limit_text(one: LimitTally) -> str:
+    words, limit = label(one.limit.number), one.limit
+    sense = "at least" if limit.at_least else "at most"
+    return f"{words.text} {sense} {limit.value * words.factor:.4g} {words.unit}".rstrip()
+
+
+def _nearest_text(one: LimitTally) -> str:
+    words = label(one.limit.number)
+    if not math.isfinite(one.nearest):
+        return ", which has no value for any design"
+    return f" (the nearest has {one.nearest * words.factor:.4g})"

@@ -16,14 +16,12 @@ from textile_twin_core.errors import SceneError, TwinError
 from textile_twin_core.explore.analysis import analyse
 from textile_twin_core.explore.balancing import balanced
 from textile_twin_core.explore.design import Design, check_number
-from textile_twin_core.explore.documents import design_text, machine_text, read_design
-from textile_twin_core.explore.exports import as_csv, as_dxf, as_picture
+from textile_twin_core.explore.exports import as_csv, as_dxf, as_picture, design_text, machine_text, read_design
 from textile_twin_core.explore.first_look import NotYetCompiledError, await_first_look, first_look
 from textile_twin_core.explore.history import History
 from textile_twin_core.explore.labels import label, shown_unit
 from textile_twin_core.explore.overlay import Overlay
-from textile_twin_core.explore.packing import Arrays, analysis_head, design_head, printed_of
-from textile_twin_core.explore.progress import progress_message
+from textile_twin_core.explore.packing import Arrays, analysis_head, design_head, printed_of, progress_message
 from textile_twin_core.explore.search import FrontDesign, Goal, OneByOne, Task, many_designs, search
 from textile_twin_core.explore.shown import Analysis
 from textile_twin_core.machine import ContactMachine

@@ -17,11 +17,11 @@ from textile_twin_core.recordings import rosbag2_metadata
 from textile_twin_core.recordings.cdr_decode import MessageLayout, layouts
 from textile_twin_core.recordings.mcap_parts import DamageError
 from textile_twin_core.recordings.mcap_read import McapFile
-from textile_twin_core.recordings.message_types import FLOAT64, HEADER, JOINT_STATE, POINT, WRENCH
 from textile_twin_core.recordings.recorded_clock import better_clock, without_stamp_wraps
 from textile_twin_core.recordings.recording import RecordedFile, Recording
 from textile_twin_core.recordings.rosbag2_metadata import TopicInfo
 from textile_twin_core.recordings.samples import AngleSamples, PointSamples, TorqueSamples
+from textile_twin_core.recordings.schemas import FLOAT64, HEADER, JOINT_STATE, POINT, WRENCH
 from textile_twin_core.recordings.sqlite_file import SQLITE_MAGIC, SqliteFile
 from textile_twin_core.recordings.zstd_storage import SUFFIXES, ZSTD_MAGIC, opened
 

@@ -12,9 +12,9 @@ from textile_twin_core.errors import RecordingError
 from textile_twin_core.machine import Encoder
 from textile_twin_core.recordings.bag import Bag
 from textile_twin_core.recordings.counter import find_angle_counter, unwrap_counter
-from textile_twin_core.recordings.message_types import HEADER
 from textile_twin_core.recordings.recorded_clock import set_back, stamps_ahead
 from textile_twin_core.recordings.samples import AngleSamples, TorqueSamples
+from textile_twin_core.recordings.schemas import HEADER
 from textile_twin_core.twin.encoder_reference import Reading, Reference, reference_of
 
 ANGLE_TOPIC = "main_shaft/angle"

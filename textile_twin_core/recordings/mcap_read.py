@@ -16,11 +16,11 @@ from mcap.records import Channel
 from textile_twin_core.arrays import IntArray
 from textile_twin_core.errors import RecordingError, how_to_install
 from textile_twin_core.recordings.cdr_decode import Bytes, MessageBlock
-from textile_twin_core.recordings.mcap_contents import Contents
 from textile_twin_core.recordings.mcap_parts import (
     LEAST_MESSAGE,
     LOG_SUFFIXES,
     MAGIC,
+    Contents,
     Damage,
     DamageError,
     Messages,

@@ -1,4 +1,4 @@
-"""Message definitions and their RIHS01 hashes, as stored in a recording."""
+"""Message types: their ROS names, and definitions with RIHS01 hashes as stored in a recording."""
 
 from __future__ import annotations
 
@@ -10,6 +10,13 @@ from functools import cache
 from pathlib import Path
 
 from textile_twin_core.errors import RecordingError
+
+JOINT_STATE = "sensor_msgs/msg/JointState"
+WRENCH = "geometry_msgs/msg/WrenchStamped"
+POINT = "geometry_msgs/msg/PointStamped"
+FLOAT64 = "std_msgs/msg/Float64"
+HEADER = "std_msgs/msg/Header"
+
 
 _SEPARATOR = "=" * 80 + "\n"
 _FIELD = re.compile(r"^\s*([A-Za-z][\w/]*)(?:<=\d+)?(?:\[[^\]]*\])?\s+\w", re.MULTILINE)

@@ -9,8 +9,7 @@ from textile_twin_core.lazy import listing_of, names_of
 
 if TYPE_CHECKING:
     from textile_twin_core.views.campbell import plot_campbell
-    from textile_twin_core.views.element_views import LiveElements, write_element_recording
-    from textile_twin_core.views.live import LiveView
+    from textile_twin_core.views.live import LiveElements, LiveView, write_element_recording
     from textile_twin_core.views.live_recording import LiveRecording
     from textile_twin_core.views.machine_picture import plot_machine
     from textile_twin_core.views.motion_recording import write_motion_recording
@@ -49,7 +48,7 @@ __dir__ = listing_of(__all__)
 __getattr__ = names_of(
     __name__,
     {
-        "LiveElements": "element_views",
+        "LiveElements": "live",
         "LiveRecording": "live_recording",
         "LiveView": "live",
         "open_viewer": "viewer",
@@ -61,7 +60,7 @@ __getattr__ = names_of(
         "screenshot": "viewer",
         "screenshots": "viewer",
         "write_comparison_recording": "recording",
-        "write_element_recording": "element_views",
+        "write_element_recording": "elements",
         "write_motion_recording": "motion_recording",
         "write_orders_recording": "orders_recording",
         "write_picture": "rrd_file",

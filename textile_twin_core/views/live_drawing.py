@@ -13,9 +13,8 @@ from textile_twin_core.machine import TorqueFilter
 from textile_twin_core.machine.sizes import LARGEST
 from textile_twin_core.views import static_scene
 from textile_twin_core.views.angle_canvas import RESIDUAL_SIZE, TORQUE_SIZE, AngleCanvas, canvas_for
-from textile_twin_core.views.buffer import Block
+from textile_twin_core.views.buffer import Block, Extremes, Latest, Residuals
 from textile_twin_core.views.drawable import drawable
-from textile_twin_core.views.latest import Extremes, Latest, Residuals
 from textile_twin_core.views.layout import Layout
 from textile_twin_core.views.motion_drawing import HISTORY_S, MotionDrawing
 from textile_twin_core.views.recording_writer import RecordingWriter

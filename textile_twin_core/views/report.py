@@ -12,18 +12,103 @@ from datetime import UTC, datetime
 from html import escape
 from importlib.metadata import version
 from pathlib import Path
+from typing import Final
 
+import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from textile_twin_core.comparison import Comparison, agrees_with_file, summary_rows, verdict_lines
 from textile_twin_core.comparison.orders import OrderMap
 from textile_twin_core.driveline import Resonances, elastic_shaft, find_resonances
 from textile_twin_core.errors import RecordingError
+from textile_twin_core.inference.force_law import LearnedCurve
 from textile_twin_core.machine import Machine
-from textile_twin_core.views.force_law_picture import force_law_figure
+from textile_twin_core.views import paper
 from textile_twin_core.views.orders_picture import comparison_orders, orders_figure
 from textile_twin_core.views.plot import plot_comparison
-from textile_twin_core.views.report_figure import errors_figure
+
+_MOST_POINTS = 20_000
+
+
+def errors_figure(comparison: Comparison) -> Figure:
+    """Draw the figure, 1600 x 800 pixels."""
+    figure = paper.new_figure(16.0, 8.0)
+    grid = figure.add_gridspec(2, 2, left=0.05, right=0.98, top=0.94, bottom=0.08, hspace=0.36, wspace=0.16)
+    _over_time(figure.add_subplot(grid[0, 0]), comparison)
+    _per_turn(figure.add_subplot(grid[0, 1]), comparison)
+    _by_order(figure.add_subplot(grid[1, 0]), comparison)
+    _by_speed(figure.add_subplot(grid[1, 1]), comparison)
+    return figure
+
+
+def _over_time(axes: Axes, comparison: Comparison) -> None:
+    used = np.flatnonzero(comparison.used)
+    shown = used[:: max(1, used.size // _MOST_POINTS)]
+    time = (comparison.stamps_ns[shown] - comparison.stamps_ns[used[0]]) * 1e-9
+    axes.plot(time, comparison.residual_Nm[shown], color=paper.RESIDUAL, linewidth=0.5, rasterized=True)
+    _dress(axes, "Residual over the recording, N m", "s")
+
+
+def _per_turn(axes: Axes, comparison: Comparison) -> None:
+    turns = comparison.by_revolution
+    axes.plot(
+        turns.number - turns.number[0], turns.rms_Nm, ".-", color=paper.INK, linewidth=0.8, markersize=3, label="RMS"
+    )
+    axes.plot(turns.number - turns.number[0], turns.mean_Nm, color=paper.RESIDUAL, linewidth=1.2, label="mean")
+    axes.legend(frameon=False, fontsize=10, loc="upper right")
+    _dress(axes, "Residual of each turn, N m", "turn of the shaft")
+
+
+def _by_order(axes: Axes, comparison: Comparison) -> None:
+    orders = comparison.by_order
+    axes.bar(orders.order, orders.amplitude_Nm, color=paper.RESIDUAL, width=0.6)
+    _dress(axes, "Residual by order of the shaft, amplitude, N m", "order; 0 is the mean")
+
+
+def _by_speed(axes: Axes, comparison: Comparison) -> None:
+    speed = comparison.by_speed
+    middle = 0.5 * (speed.low_rad_s + speed.high_rad_s) * 30.0 / np.pi
+    width = 0.9 * (speed.high_rad_s - speed.low_rad_s) * 30.0 / np.pi
+    axes.bar(middle, np.nan_to_num(speed.rms_Nm), width=np.where(width > 0.0, width, 1.0), color="#9aa4b0", label="RMS")
+    axes.plot(middle, speed.mean_Nm, "o", color=paper.RESIDUAL, label="mean")
+    axes.legend(frameon=False, fontsize=10, loc="upper right")
+    _dress(axes, "Residual by speed, N m", "rpm")
+
+
+def _dress(axes: Axes, title: str, below: str) -> None:
+    paper.dress(axes, title)
+    axes.set_xlabel(below, color=paper.MUTED)
+
+
+_NORMAL95: Final = 1.959964
+_WIDEST: Final = 1.6
+"""Largest half width of a band over the peak that is drawn in full."""
+
+
+def force_law_figure(curve: LearnedCurve) -> Figure:
+    """Draw a force law over the distance from its first knot [mm]."""
+    figure = paper.new_figure(11.0, 4.6)
+    axes = figure.add_axes((0.075, 0.14, 0.9, 0.74))
+    beyond = 1e3 * (curve.knots - curve.knots[0])
+    ways = (
+        ("in", curve.in_N, curve.in_sigma_N, paper.PREDICTED),
+        ("out", curve.out_N, curve.out_sigma_N, paper.MEASURED),
+    )
+    limit = _WIDEST * curve.peak_N
+    for way, force, sigma, colour in ways:
+        half = np.minimum(_NORMAL95 * sigma, limit)
+        axes.fill_between(beyond, force - half, force + half, color=colour, alpha=0.22, linewidth=0)
+        axes.plot(beyond, force, "-o", color=colour, linewidth=1.8, markersize=3.5, label=f"way {way}")
+    axes.axhline(0.0, color=paper.MUTED, linewidth=0.8)
+    axes.set_xlim(0.0, float(beyond[-1]))
+    axes.set_xlabel(f"{curve.measure} beyond {curve.knots[0]:.5g} m  [mm]", color=paper.MUTED)
+    axes.set_ylabel("force against the motion  [N]", color=paper.MUTED)
+    axes.legend(frameon=False, fontsize=11, loc="best")
+    at = f", at {curve.at_speed_rad_s * 30.0 / np.pi:.0f} rpm" if curve.speed_power else ""
+    paper.dress(axes, f"Force over {curve.measure}, with 95 % bands{at}")
+    return figure
+
 
 _NAMED_SPEEDS = 6
 _STYLE = """

@@ -36,7 +36,7 @@ from rclpy.subscription import Subscription
 from textile_twin_core.machine import AnyMachine
 from textile_twin_core.machine.sizes import LARGEST
 from textile_twin_core.recordings.counter import CounterUnwrapper, find_angle_counter
-from textile_twin_core.recordings.message_types import FLOAT64, HEADER
+from textile_twin_core.recordings.schemas import FLOAT64, HEADER
 from textile_twin_core.twin.encoder_reference import reference_of
 from textile_twin_core.twin.restart import RestartWatch
 from textile_twin_ros.diagnostics import WINDOW_S, InputWatch, Status

@@ -21,7 +21,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 
-from textile_twin_core.recordings.message_types import FLOAT64, HEADER, JOINT_STATE, POINT, WRENCH
+from textile_twin_core.recordings.schemas import FLOAT64, HEADER, JOINT_STATE, POINT, WRENCH
 
 #: Topics that all machines share.
 SHARED = ("/diagnostics", "/clock", "/tf", "/tf_static")

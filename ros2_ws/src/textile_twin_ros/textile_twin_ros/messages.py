@@ -33,7 +33,7 @@ import numpy as np
 
 from textile_twin_core.recordings.cdr_decode import LAYOUT_READERS, Bytes, MessageLayout
 from textile_twin_core.recordings.cdr_encode import encode_headers, encode_joint_states, encode_points, encode_wrenches
-from textile_twin_core.recordings.message_types import FLOAT64, HEADER, JOINT_STATE, POINT, WRENCH
+from textile_twin_core.recordings.schemas import FLOAT64, HEADER, JOINT_STATE, POINT, WRENCH
 
 SECOND_NS = 1_000_000_000
 TORQUE_Z = 5

@@ -35,8 +35,8 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 import textile_twin_core as ttc
 from textile_twin_core.comparison.residual import Residual, ResidualStream, load_steps
 from textile_twin_core.machine import AnyMachine
-from textile_twin_core.recordings.message_types import FLOAT64, JOINT_STATE, POINT, WRENCH
 from textile_twin_core.recordings.predicted_topics import predicted_topics
+from textile_twin_core.recordings.schemas import FLOAT64, JOINT_STATE, POINT, WRENCH
 from textile_twin_core.shaft import SampleReport
 from textile_twin_core.twin import ElasticTwin, HistoryTwin, Twin, idle_twin
 from textile_twin_core.twin.session import Sample, has_second_encoder

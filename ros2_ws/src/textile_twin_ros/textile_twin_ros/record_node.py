@@ -20,6 +20,8 @@ from __future__ import annotations
 
 import math
 import time
+from collections import Counter
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,9 +36,62 @@ from textile_twin_ros.diagnostics import OK, WARN, WINDOW_S, DiagnosticsPublishe
 from textile_twin_ros.endpoints import depth_for, topic_name
 from textile_twin_ros.node_runner import EXECUTORS, call_every, run
 from textile_twin_ros.parameters import declare, parameter
-from textile_twin_ros.record_progress import Progress
 from textile_twin_ros.recording_path import RecordingPath
 from textile_twin_ros.topic_subscriptions import Received, Recorder, TopicSubscriptions
+
+# Goes on for as long as any node lives.
+_NEVER_SILENT = ("/diagnostics", "/clock")
+_AFTERMATH_S = 1.5
+
+
+class Progress:
+    """Counts the messages of a recording.
+
+    Args:
+        enough: numbers of messages of topics with which the recording is complete.
+        idle_s: and after so long without a message, once there was one; 0 is never.
+    """
+
+    def __init__(self, enough: Mapping[str, int], idle_s: float) -> None:
+        self._enough, self._idle_s = enough, idle_s
+        self.counts: Counter[str] = Counter()
+        self.begin()
+
+    def begin(self) -> None:
+        """Another recording."""
+        self.counts.clear()
+        self.anything = False
+        """Whether there was a message of a topic that can fall silent."""
+        self._last_s = time.monotonic()
+
+    def take(self, topic: str) -> None:
+        """A message has been written."""
+        self.counts[topic] += 1
+        if topic not in _NEVER_SILENT:
+            self._last_s = time.monotonic()
+            self.anything = True
+
+    def is_complete(self) -> bool:
+        """Return whether the recording has all its messages."""
+        quiet_s = time.monotonic() - self._last_s
+        if self._ends_by_silence and quiet_s > self._idle_s:
+            return True
+        # Other topics may still have something to say of the last messages counted.
+        enough = all(self.counts[topic] >= count for topic, count in self._enough.items())
+        return bool(self._enough) and enough and quiet_s > _AFTERMATH_S
+
+    def is_silent(self, timeout_s: float) -> bool:
+        """Return whether the topics are silent for `timeout_s`; where silence ends the recording it is no fault."""
+        return time.monotonic() - self._last_s > timeout_s and not self._ends_by_silence
+
+    @property
+    def _ends_by_silence(self) -> bool:
+        return bool(self._idle_s) and self.anything
+
+    def __str__(self) -> str:
+        """Messages by topic, for people."""
+        return ", ".join(f"{topic} {count}" for topic, count in sorted(self.counts.items()) if count) or "nothing came"
+
 
 if TYPE_CHECKING:
     from textile_twin_core.recordings import BagWriter
