@@ -265,14 +265,16 @@ def times() -> Iterator[tuple[str, Form]]:
     night = [f"{at:%H:%M:%S}.{_milli(at)}" for at in (BEGIN + timedelta(hours=12, seconds=t) for t in TIME.tolist())]
     yield "past midnight", Form(table("Uhrzeit,angle_deg,torque_Nm", night, DEG, TORQUE))
     dated = moments(lambda at: f"{at:%Y-%m-%d %H:%M:%S}")
-    yield "a date beside a finer timer", Form(table("Timestamp;time [s];angle_deg;torque_Nm", dated, *PLAIN, mark=";"))
+    timer = table("Timestamp;time [s];angle_deg;torque_Nm", dated, *PLAIN, mark=";")
+    yield "a date beside a finer timer", Form(timer, "time: {column: 'time [s]'}")
     yield (
         "dates among counts",
         Form(table("logged,count,angle_deg,torque_Nm", moments(DATES[0]), k.astype(float), DEG, TORQUE), start=_NOON),
     )
     jitter = STEP_S * np.ones(N)
     for name, per_s in (("dt [ms]", 1e3), ("delta_t_us", 1e6), ("Zeitdifferenz [s]", 1.0), ("Δt (ms)", 1e3)):
-        yield name, Form(table(f"{name};angle_deg;torque_Nm", jitter * per_s, DEG, TORQUE, mark=";"))
+        text = table(f"{name};angle_deg;torque_Nm", jitter * per_s, DEG, TORQUE, mark=";")
+        yield name, Form(text, f"time: {{column: {name!r}, steps: true}}")
     stated = "time: {steps: true}"
     yield "steps stated", Form(table("time [ms];angle_deg;torque_Nm", jitter * 1e3, DEG, TORQUE, mark=";"), stated)
 
@@ -281,14 +283,17 @@ def times() -> Iterator[tuple[str, Form]]:
         return [str(EPOCH + each // per_s) for each in whole], [str(each % per_s) for each in whole]
 
     seconds, nanos = parts(10**9)
-    echo = "time: {column: column_1}\nangle: {column: column_5, unit: deg}\ntorque: {column: column_6}"
+    echo = (
+        "time: {column: column_1, fraction: column_2}\nangle: {column: column_5, unit: deg}\ntorque: {column: column_6}"
+    )
     yield "ros2 topic echo --csv", Form(table("", seconds, nanos, [""] * N, ["main_shaft"] * N, DEG, TORQUE), echo)
     names = "header.stamp.sec,header.stamp.nanosec,position[0],effort[0]"
     yield "stamps of messages", Form(table(names, seconds, nanos, DEG, TORQUE))
     yield "microseconds", Form(table("tv_sec,tv_usec,angle,torque", *parts(10**6), DEG, TORQUE))
     yield "parts behind the values", Form(table("angle,torque,stamp_secs,stamp_nsecs", DEG, TORQUE, seconds, nanos))
     minute = [f"10:59:{58 + int(each) - EPOCH:02d}" if int(each) - EPOCH < 2 else "11:00:00" for each in seconds]
-    yield "time of day and ms", Form(table("Uhrzeit;ms;Winkel;Moment", minute, parts(1000)[1], DEG, TORQUE, mark=";"))
+    day = table("Uhrzeit;ms;Winkel;Moment", minute, parts(1000)[1], DEG, TORQUE, mark=";")
+    yield "time of day and ms", Form(day, "time: {column: Uhrzeit, fraction: ms}")
     for unit, bits, per_count, low in (
         ("us", 32, 1e-6, 0), ("us", 32, 1e-6, -(2**31)), ("25 us", 16, 25e-6, 0), ("ms", 16, 1e-3, -(2**15)),
         ("ns", 32, 1e-9, 0), ("ms", 32, 1e-3, 0), ("0.1 ms", 16, 1e-4, 0),

@@ -310,5 +310,5 @@ def _late_rows(steps: IntArray) -> str:
     back, stands = np.flatnonzero(steps < 0), int(np.count_nonzero(steps == 0))
     text = f"; decreases at {back.size} rows, first at row {back[0] + 2}" if back.size else ""
     text += f"; {stands} rows have the time of the row before" if stands else ""
-    what = "such rows are in the recording, and are left out where it is used"
-    return f"{text}: {what}; where rows are evenly spaced give --rate" if text else ""
+    what = "such rows are in the recording, and are left out where it is used; for evenly spaced rows give --rate, for"
+    return f"{text}: {what} parts of a second in another column --time-fraction" if text else ""
