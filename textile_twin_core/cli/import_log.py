@@ -15,8 +15,9 @@ from textile_twin_core.cli.named_machine import load_linkage
 from textile_twin_core.cli.progress import aside, stages
 from textile_twin_core.recordings import BagWriter
 from textile_twin_core.recordings.log_apply import LoggedSamples, apply
+from textile_twin_core.recordings.log_clock_guess import Ask
 from textile_twin_core.recordings.log_files import READERS, read_table
-from textile_twin_core.recordings.log_guess import Ask, guess, guess_torque_log
+from textile_twin_core.recordings.log_guess import guess, guess_torque_log
 from textile_twin_core.recordings.log_mapping import (
     NO_COLUMN,
     Channel,

@@ -60,7 +60,7 @@ __getattr__ = names_of(
         "screenshot": "viewer",
         "screenshots": "viewer",
         "write_comparison_recording": "recording",
-        "write_element_recording": "elements",
+        "write_element_recording": "live",
         "write_motion_recording": "motion_recording",
         "write_orders_recording": "orders_recording",
         "write_picture": "rrd_file",
