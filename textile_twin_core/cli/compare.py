@@ -15,7 +15,7 @@ from textile_twin_core.cli import compare_quantity
 from textile_twin_core.cli.arguments import Parser, add_machine, add_recording, number, shaft_settings
 from textile_twin_core.cli.mistakes import BeyondLimitError, UsageError
 from textile_twin_core.cli.named_machine import load_linkage
-from textile_twin_core.cli.outputs import check_output, print_rows
+from textile_twin_core.cli.outputs import check_outputs, print_rows
 from textile_twin_core.cli.progress import stages
 from textile_twin_core.cli.readings import read_samples, read_second, readings_of, station_angles
 from textile_twin_core.cli.recording_batch import BatchJob, add_batch, one_recording, quietly, run_batch
@@ -88,8 +88,7 @@ def run(arguments: argparse.Namespace) -> None:
                 raise UsageError(f"--{option} is for one recording; of several give --parquet or --json")
         run_batch(arguments, machine, comparing, _line, lambda numbers: _beyond(numbers["torque"], arguments))
         return
-    for form in _FORMS:
-        check_output(f"--{form}", getattr(arguments, form), f".{form}")
+    check_outputs(arguments)
     if arguments.quantity is not None:
         compare_quantity.run(arguments, machine, _LIMITS)
         return

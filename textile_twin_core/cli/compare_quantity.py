@@ -7,14 +7,14 @@ import math
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
+from textile_twin_core import views
 from textile_twin_core.cli.mistakes import UsageError, nearest
-from textile_twin_core.cli.outputs import print_rows, write_json
+from textile_twin_core.cli.outputs import print_rows, save, write_json
 from textile_twin_core.cli.progress import stages
 from textile_twin_core.cli.readings import read_angles, read_samples, readings_of, tell_unit
 from textile_twin_core.comparison.driven_speed import driven_rows, driven_speed
 from textile_twin_core.comparison.quantity import QuantityComparison, Trace, compare_quantity, shown_unit
 from textile_twin_core.comparison.uncertainty import Estimate
-from textile_twin_core.files import staged
 from textile_twin_core.machine import Machine
 from textile_twin_core.recordings.log_apply import MEASURED
 
@@ -42,11 +42,7 @@ def run(arguments: argparse.Namespace, machine: Machine, limits: Iterable[str] =
     else:
         found = _compared(arguments, machine)
         rows, numbers = _rows(found), found.to_json()
-        if arguments.png is not None:
-            from textile_twin_core.views.plot import plot_quantity
-
-            with staged(arguments.png) as partial:
-                plot_quantity(partial, found, machine.name)
+        save(arguments.png, lambda path: views.plot_quantity(path, found, machine.name))
     print_rows(rows)
     write_json(arguments, machine, numbers)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import getpass
-import json
 import sys
 from dataclasses import asdict
 from datetime import datetime
@@ -13,8 +12,7 @@ from pathlib import Path
 from textile_twin_core.cli import view
 from textile_twin_core.cli.arguments import Parser
 from textile_twin_core.cli.mistakes import UsageError
-from textile_twin_core.cli.outputs import check_output
-from textile_twin_core.files import staged
+from textile_twin_core.cli.outputs import check_outputs, save_json
 from textile_twin_core.recordings.fault_book import Fault, FaultBook
 
 _ALL = "all"
@@ -43,8 +41,7 @@ def parser() -> Parser:
 
 def run(arguments: argparse.Namespace) -> None:
     """List, show or acknowledge faults, or open a recording."""
-    check_output("--json", arguments.json, ".json")
-    check_output("--png", arguments.png, ".png")
+    check_outputs(arguments)
     book = FaultBook(arguments.book)
     faults = book.faults()
     if arguments.what == "list":
@@ -79,9 +76,7 @@ def _chosen(faults: list[Fault], arguments: argparse.Namespace) -> list[Fault]:
 
 
 def _list(faults: list[Fault], json_file: Path | None) -> None:
-    if json_file is not None:
-        with staged(json_file) as partial:
-            partial.write_text(json.dumps({"faults": [asdict(fault) for fault in faults]}, indent=2) + "\n")
+    save_json(json_file, {"faults": [asdict(fault) for fault in faults]})
     if not faults:
         print("no faults")
         return

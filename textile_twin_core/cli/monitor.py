@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import json
 from pathlib import Path
 
 from textile_twin_core.cli.arguments import Parser, add_machine, add_recording_topics, count
 from textile_twin_core.cli.mistakes import BeyondLimitError, UsageError, tell
 from textile_twin_core.cli.named_machine import load_linkage
-from textile_twin_core.cli.outputs import check_output
+from textile_twin_core.cli.outputs import check_outputs, save_json
 from textile_twin_core.cli.progress import on_terminal, stages
 from textile_twin_core.cli.recording_batch import add_workers, failed_line, memory_line
 from textile_twin_core.cli.sensor_options import add_sensors, topics_of, with_sensors
@@ -49,8 +48,7 @@ def run(arguments: argparse.Namespace) -> None:
     """Watch the recordings, print the alarms and write the outputs."""
     machine = with_sensors(load_linkage(arguments.machine, arguments.set), arguments)
 
-    check_output("--parquet", arguments.parquet, ".parquet")
-    check_output("--json", arguments.json, ".json")
+    check_outputs(arguments)
     bags, notices = recordings_in(arguments.bags)
     tell(*notices)
     settings = WatchSettings(learn_turns=arguments.learn)
@@ -140,5 +138,4 @@ def _write(arguments: argparse.Namespace, watched: list[Watched]) -> None:
             }
             for name, each in zip(names_of(watched), watched, strict=True)
         ]
-        with staged(arguments.json) as partial:
-            partial.write_text(json.dumps(recordings, indent=1) + "\n", encoding="utf-8")
+        save_json(arguments.json, recordings)

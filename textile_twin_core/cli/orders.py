@@ -9,11 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
+from textile_twin_core import views
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.cli.arguments import Parser, add_machine, add_recording, count, positive
 from textile_twin_core.cli.mistakes import UsageError, nearest, tell
 from textile_twin_core.cli.named_machine import load_linkage
-from textile_twin_core.cli.outputs import check_output, save_json
+from textile_twin_core.cli.outputs import check_outputs, save, save_json
 from textile_twin_core.cli.progress import stages
 from textile_twin_core.cli.readings import tell_unit
 from textile_twin_core.cli.sensor_options import add_sensors, topics_of, with_sensors
@@ -21,7 +22,6 @@ from textile_twin_core.comparison import compare_torque
 from textile_twin_core.comparison.orders import MAX_ORDER, OrderMap, order_map
 from textile_twin_core.comparison.result import plain
 from textile_twin_core.comparison.shaft_track import ShaftTrack, shaft_track
-from textile_twin_core.files import staged
 from textile_twin_core.machine import Encoder, Machine
 from textile_twin_core.recordings import Bag, open_bag
 from textile_twin_core.recordings.prediction import recompute
@@ -73,23 +73,13 @@ def run(arguments: argparse.Namespace) -> None:
     machine = None
     if arguments.machine is not None:
         machine = with_sensors(load_linkage(arguments.machine, arguments.set), arguments)
-    for form in _FORMS:
-        check_output(f"--{form}", getattr(arguments, form), f".{form}")
+    check_outputs(arguments)
     maps = _maps(arguments, machine)
     _print(maps)
     title = arguments.bag.resolve().name
-    if arguments.png is not None:
-        from textile_twin_core.views import plot_orders
-
-        with staged(arguments.png) as partial:
-            plot_orders(partial, maps, title=title)
-    if arguments.rrd is not None:
-        from textile_twin_core.views import write_orders_recording
-
-        with staged(arguments.rrd) as partial:
-            write_orders_recording(partial, maps, title=title)
-    if arguments.json is not None:
-        save_json(arguments.json, {"bag": str(arguments.bag), "signals": {k: _numbers(v) for k, v in maps.items()}})
+    save(arguments.png, lambda path: views.plot_orders(path, maps, title=title))
+    save(arguments.rrd, lambda path: views.write_orders_recording(path, maps, title=title))
+    save_json(arguments.json, {"bag": str(arguments.bag), "signals": {k: _numbers(v) for k, v in maps.items()}})
 
 
 def _maps(arguments: argparse.Namespace, machine: Machine | None) -> dict[str, OrderMap]:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from textile_twin_core.cli.mistakes import UsageError
 from textile_twin_core.files import check_file, staged
 from textile_twin_core.machine import Machine
+
+FORMS = ("json", "png", "rrd", "html", "parquet")
+"""Outputs that are named by their option, which is the ending of the file, too."""
 
 
 def check_output(option: str, path: Path | None, *endings: str) -> None:
@@ -25,6 +28,19 @@ def check_output(option: str, path: Path | None, *endings: str) -> None:
     if path.suffix not in endings:
         raise UsageError(f"{option} {path}: must end in {' or '.join(endings)}")
     check_file(path)
+
+
+def check_outputs(arguments: argparse.Namespace) -> None:
+    """Check the outputs of `FORMS` that are requested; raises as `check_output`."""
+    for form in FORMS:
+        check_output(f"--{form}", getattr(arguments, form, None), f".{form}")
+
+
+def save(path: Path | None, write: Callable[[Path], object]) -> None:
+    """Write an output, if requested, by a function of its path; it appears when it is complete."""
+    if path is not None:
+        with staged(path) as partial:
+            write(partial)
 
 
 def keep_input(path: Path | None, read: Path | None) -> None:
@@ -50,7 +66,7 @@ def check_out(arguments: argparse.Namespace) -> None:
     Raises:
         UsageError: An output exists or has a wrong ending.
     """
-    check_output("--json", arguments.json, ".json")
+    check_outputs(arguments)
     check_output("--out", arguments.out, ".yaml", ".yml")
     if arguments.out is None:
         return
@@ -60,18 +76,16 @@ def check_out(arguments: argparse.Namespace) -> None:
 
 def write_json(arguments: argparse.Namespace, machine: Machine, numbers: Mapping[str, Any]) -> None:
     """Write the numbers with the names of recording and machine, if --json is given."""
-    if arguments.json is not None:
-        save_json(arguments.json, {"bag": str(arguments.bag), "machine": machine.name, **numbers})
+    save_json(arguments.json, {"bag": str(arguments.bag), "machine": machine.name, **numbers})
 
 
-def save_json(path: Path, value: object) -> None:
-    """Write a value without NaN.
+def save_json(path: Path | None, value: object) -> None:
+    """Write a value without NaN, if a path is given.
 
     Raises:
         OutputError: The file cannot be written there.
     """
-    with staged(path) as partial:
-        partial.write_text(json.dumps(value, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    save(path, lambda to: to.write_text(json.dumps(value, indent=1, allow_nan=False) + "\n", encoding="utf-8"))
 
 
 def print_rows(rows: Iterable[tuple[str, str]]) -> None:

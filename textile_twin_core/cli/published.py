@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from textile_twin_core.cli.arguments import Parser
-from textile_twin_core.cli.outputs import check_output, save_json
+from textile_twin_core.cli.outputs import check_outputs, save_json
 from textile_twin_core.cli.progress import progress
 from textile_twin_core.cli.published_table import as_json, as_markdown, as_text
 from textile_twin_core.errors import OutputError
@@ -29,11 +29,10 @@ def parser() -> Parser:
 
 def run(arguments: argparse.Namespace) -> None:
     """Print the rows, and write and draw the outputs."""
-    check_output("--json", arguments.json, ".json")
+    check_outputs(arguments)
     if arguments.plots is not None:
         _make_folder(arguments.plots)
-    if arguments.json is not None:
-        save_json(arguments.json, as_json())
+    save_json(arguments.json, as_json())
     print(as_markdown() if arguments.markdown else as_text())
     if arguments.plots is not None:
         names = _draw(arguments.plots)

@@ -12,7 +12,7 @@ from typing import Any
 
 from textile_twin_core.cli.arguments import count
 from textile_twin_core.cli.mistakes import BeyondLimitError, UsageError, collected, tell
-from textile_twin_core.cli.outputs import check_output, save_json
+from textile_twin_core.cli.outputs import check_outputs, save_json
 from textile_twin_core.cli.progress import progress
 from textile_twin_core.files import staged
 from textile_twin_core.machine import Machine
@@ -63,8 +63,7 @@ def one_recording(arguments: argparse.Namespace) -> bool:
             if arguments.dask is not None:
                 raise UsageError("--dask works on several recordings; give a folder of them, or --parquet FILE")
             return True
-    check_output("--parquet", arguments.parquet, ".parquet")
-    check_output("--json", arguments.json, ".json")
+    check_outputs(arguments)
     return False
 
 
@@ -107,8 +106,7 @@ def run_batch(
         if numbers is not None and (limit := beyond(numbers)):
             over.append(f"{name}: {limit}")
     print(memory_line(ended))
-    if arguments.json is not None:
-        save_json(arguments.json, rows)
+    save_json(arguments.json, rows)
     if arguments.parquet is not None:
         write_table(arguments.parquet, rows)
     failed = failed_line([name for name, outcome in zip(names, ended, strict=True) if outcome.error], len(ended))

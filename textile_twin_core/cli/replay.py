@@ -8,11 +8,10 @@ from pathlib import Path
 from textile_twin_core.cli.arguments import Parser, add_machine, add_recording, shaft_settings
 from textile_twin_core.cli.mistakes import UsageError, tell
 from textile_twin_core.cli.named_machine import load_machine
-from textile_twin_core.cli.outputs import check_output, keep_input
+from textile_twin_core.cli.outputs import check_outputs, keep_input, save
 from textile_twin_core.cli.progress import progress
 from textile_twin_core.cli.sensor_options import add_sensors, topics_of, with_sensors
 from textile_twin_core.cli.view_recording import write_view_recording
-from textile_twin_core.files import staged
 from textile_twin_core.machine import AnyMachine
 from textile_twin_core.recordings import BagWriter, open_bag
 from textile_twin_core.recordings.replay import replay_bag
@@ -41,16 +40,10 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.out is None and arguments.rrd is None:
         raise UsageError("--out or --rrd is missing: give an output for the predictions")
     keep_input(arguments.out, arguments.bag)
-    check_output("--rrd", arguments.rrd, ".rrd")
+    check_outputs(arguments)
     if arguments.out is not None:
         _write_bag(arguments, machine)
-    if arguments.rrd is not None:
-        _write_view(arguments, machine)
-
-
-def _write_view(arguments: argparse.Namespace, machine: AnyMachine) -> None:
-    with staged(arguments.rrd) as partial:
-        write_view_recording(partial, arguments, machine)
+    save(arguments.rrd, lambda path: write_view_recording(path, arguments, machine))
 
 
 def _write_bag(arguments: argparse.Namespace, machine: AnyMachine) -> None:

@@ -6,12 +6,12 @@ import argparse
 import math
 from pathlib import Path
 
+from textile_twin_core import views
 from textile_twin_core.cli.arguments import MOST_RPM, Parser, add_machine
 from textile_twin_core.cli.mistakes import tell
 from textile_twin_core.cli.named_machine import load_linkage
-from textile_twin_core.cli.outputs import check_output, save_json
+from textile_twin_core.cli.outputs import check_outputs, save, save_json
 from textile_twin_core.driveline import CriticalSpeed, Resonances, ShaftMode, elastic_shaft, find_resonances
-from textile_twin_core.files import staged
 from textile_twin_core.machine import Machine
 
 _RPM = 30.0 / math.pi
@@ -39,8 +39,7 @@ def parser() -> Parser:
 
 def run(arguments: argparse.Namespace) -> None:
     """Compute, print and write the outputs."""
-    check_output("--json", arguments.json, ".json")
-    check_output("--png", arguments.png, ".png")
+    check_outputs(arguments)
     machine = load_linkage(arguments.machine, arguments.set)
     elastic = elastic_shaft(machine)
     if elastic.shaft.drive.inertia_kgm2 is None:
@@ -50,13 +49,8 @@ def run(arguments: argparse.Namespace) -> None:
     low, high = arguments.rpm or (_SLOWEST * nominal, _FASTEST * nominal)
     found = find_resonances(elastic, (low / _RPM, high / _RPM))
     _print(found)
-    if arguments.json is not None:
-        save_json(arguments.json, _numbers(machine, found))
-    if arguments.png is not None:
-        from textile_twin_core.views import plot_campbell
-
-        with staged(arguments.png) as partial:
-            plot_campbell(partial, found, title=f"Resonances of {machine.name}")
+    save_json(arguments.json, _numbers(machine, found))
+    save(arguments.png, lambda path: views.plot_campbell(path, found, title=f"Resonances of {machine.name}"))
 
 
 def _speeds(text: str) -> tuple[float, float]:

@@ -107,8 +107,7 @@ def _section(text: str) -> BarSection:
 
 def _write(arguments: argparse.Namespace, machine: Machine | None, result: dict[str, Any]) -> None:
     """Write the outputs of --json and --out."""
-    if arguments.json:
-        save_json(arguments.json, result)
+    save_json(arguments.json, result)
     if arguments.out and machine is not None:
         save_machine_file(replace(machine, name=arguments.name or arguments.out.stem), arguments.out)
         print(f"wrote {arguments.out}: textile-twin simulate {arguments.out} --rpm 60 --samples 360 --out turn.csv")

@@ -9,7 +9,7 @@ from pathlib import Path
 from textile_twin_core.cli.arguments import Parser, add_machine, add_recording, number
 from textile_twin_core.cli.mistakes import UsageError, tell
 from textile_twin_core.cli.named_machine import is_machine, load_machine
-from textile_twin_core.cli.outputs import check_output
+from textile_twin_core.cli.outputs import check_outputs
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 from textile_twin_core.cli.view_recording import write_view_recording
 from textile_twin_core.errors import TwinError
@@ -42,7 +42,7 @@ def parser() -> Parser:
 
 def run(arguments: argparse.Namespace) -> None:
     """Open the viewer, or the picture of a machine, and wait until it is closed; or draw without a display."""
-    check_output("--png", arguments.png, ".png")
+    check_outputs(arguments)
     if is_machine(str(arguments.bag)):
         _show_machine(arguments)
         return

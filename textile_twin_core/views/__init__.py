@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from textile_twin_core.views.motion_recording import write_motion_recording
     from textile_twin_core.views.orders_picture import orders_figure, plot_orders
     from textile_twin_core.views.orders_recording import write_orders_recording
-    from textile_twin_core.views.plot import plot_comparison
+    from textile_twin_core.views.plot import plot_comparison, plot_quantity
     from textile_twin_core.views.recording import write_comparison_recording
     from textile_twin_core.views.report import write_report
     from textile_twin_core.views.rrd_file import write_picture
@@ -31,6 +31,7 @@ __all__ = [
     "plot_comparison",
     "plot_machine",
     "plot_orders",
+    "plot_quantity",
     "screenshot",
     "screenshots",
     "write_comparison_recording",
@@ -57,6 +58,7 @@ __getattr__ = names_of(
         "plot_comparison": "plot",
         "plot_machine": "machine_picture",
         "plot_orders": "orders_picture",
+        "plot_quantity": "plot",
         "screenshot": "viewer",
         "screenshots": "viewer",
         "write_comparison_recording": "recording",
