@@ -21,8 +21,6 @@ from textile_twin_core.cli.readings import read_samples, read_second, readings_o
 from textile_twin_core.cli.recording_batch import BatchJob, add_batch, one_recording, quietly, run_batch
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 from textile_twin_core.comparison import Comparison, assess, compare_torque, summary_rows, verdict_lines
-from textile_twin_core.comparison.elastic_readings import without_elasticity
-from textile_twin_core.comparison.shaft_departure import shaft_cause, shaft_departure
 from textile_twin_core.comparison.stamp_timing import widened_fit
 from textile_twin_core.files import machine_document, staged
 from textile_twin_core.machine import Machine
@@ -128,19 +126,11 @@ def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded:
         done = stage("predicting", _PREDICTED, 2 * len(angles))
         predicted = recompute(angles, machine, arguments.shaft, done, second, **shaft_settings(arguments))
         readings = readings_of(angles, measured, second)
-        shaft, share = None, _JUDGED - _PREDICTED
-        if machine.shaft is not None:
-            shaft = shaft_departure(readings, machine, lambda what, until: stage(what, _PREDICTED + until * share, 1))
-        stage("judging", _JUDGED, 1)
-        true, found = predicted, machine
-        if shaft is not None:
-            found = shaft.machine
-            true = recompute(angles, found, arguments.shaft, None, second, **shaft_settings(arguments))
-        known = (true.stamps_ns, true.torque_Nm, true.settled)
-        judged = assess(without_elasticity(readings, found, predicted.track, *known), found, predicted.track)
-        if shaft is not None:
-            judged = dataclasses.replace(judged, verdict=(shaft_cause(shaft, machine), *judged.verdict))
-        del true
+        share = _JUDGED - _PREDICTED
+        stage("judging", _PREDICTED if machine.shaft is not None else _JUDGED, 1)
+        judged = assess(
+            readings, machine, predicted.track, lambda what, until: stage(what, _PREDICTED + until * share, 1)
+        )
         notes, verdict, explained, seen = judged.notes, judged.verdict, judged.explained, judged.quantities
         curves = {} if judged.law is None else {judged.law.key: judged.law.curve}
         times = None if angles.timing is None or angles.recorded_ns is None else (angles.recorded_ns, angles.stamps)

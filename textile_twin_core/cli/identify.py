@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any
 
 from textile_twin_core.cli.arguments import Parser, add_machine, add_recording
 from textile_twin_core.cli.mistakes import UsageError
@@ -20,15 +20,12 @@ from textile_twin_core.comparison import Identification, identify, with_table
 from textile_twin_core.comparison.curve_identification import CurveIdentification, identify_curve
 from textile_twin_core.comparison.elastic_readings import without_elasticity
 from textile_twin_core.comparison.file_numbers import FileNumbers, identify_numbers
-from textile_twin_core.comparison.readings import Readings
 from textile_twin_core.comparison.shaft_identification import ShaftIdentification, identify_shaft
-from textile_twin_core.comparison.stage import Begin
 from textile_twin_core.files import save_machine_file
 from textile_twin_core.inference.force_law import place_of
 from textile_twin_core.machine import Machine
 from textile_twin_core.recordings.prediction import recompute
 
-_Found = TypeVar("_Found", FileNumbers, CurveIdentification)
 _SHOWN = {
     "_Nm_rad": ("N m/rad", 1.0),
     "_Nms_rad": ("N m s/rad", 1.0),
@@ -129,9 +126,22 @@ def identify_recording(arguments: argparse.Namespace, machine: Machine) -> Ident
 
 
 def _curve_of(arguments: argparse.Namespace, machine: Machine) -> CurveIdentification:
-    """Learn the force law that --curve names."""
+    """Learn the force law that --curve names, without the effect of an elastic shaft: predicted by the law so far."""
     place_of(machine, arguments.curve)  # a wrong name is found before the recording is read
-    return _rigidly(arguments, machine, lambda rigid, begin: identify_curve(rigid, machine, arguments.curve, begin))
+    bag, angles, measured = read_samples(arguments, machine)
+    read, estimate = readings_of(angles, measured), machine
+    second, passes = read_second(arguments, machine, bag), 1 if machine.shaft is None else _PASSES
+    with stages(len(angles)) as stage:
+        for k in range(passes):
+            rigid = read
+            if estimate.shaft is not None:
+                done = stage("predicting", (k + _PREDICTED) / passes, 2 * len(angles))
+                predicted = recompute(angles, estimate, "smooth", done, second)
+                known = (predicted.stamps_ns, predicted.torque_Nm, predicted.settled)
+                rigid = without_elasticity(read, estimate, predicted.track, *known)
+            found = identify_curve(rigid, machine, arguments.curve, partial(_begin, stage, k, passes))
+            estimate = found.machine
+    return found
 
 
 def identifying(job: BatchJob) -> dict[str, Any]:
@@ -173,26 +183,9 @@ def _rows(found: Identification | ShaftIdentification) -> list[tuple[str, str]]:
 def _numbers_of(arguments: argparse.Namespace, machine: Machine) -> FileNumbers:
     """Estimate the numbers of the machine file that --free names."""
     paths = [path.strip() for path in arguments.free.split(",") if path.strip()]
-    return _rigidly(arguments, machine, lambda rigid, begin: identify_numbers(rigid, machine, paths, begin))
-
-
-def _rigidly(arguments: argparse.Namespace, machine: Machine, identify: Callable[[Readings, Begin], _Found]) -> _Found:
-    """Identify on readings without the effect of an elastic shaft, which is predicted with the estimates so far."""
-    bag, angles, measured = read_samples(arguments, machine)
-    read, estimate = readings_of(angles, measured), machine
-    second, passes = read_second(arguments, machine, bag), 1 if machine.shaft is None else _PASSES
+    _, angles, measured = read_samples(arguments, machine)
     with stages(len(angles)) as stage:
-        for k in range(passes):
-            rigid = read
-            if estimate.shaft is not None:
-                done = stage("predicting", (k + _PREDICTED) / passes, 2 * len(angles))
-                predicted = recompute(angles, estimate, "smooth", done, second)
-                known = (predicted.stamps_ns, predicted.torque_Nm, predicted.settled)
-                rigid = without_elasticity(read, estimate, predicted.track, *known)
-            begin = partial(_begin, stage, k, passes)
-            found = identify(rigid, begin)
-            estimate = found.machine
-    return found
+        return identify_numbers(readings_of(angles, measured), machine, paths, partial(_begin, stage, 0, 1))
 
 
 def _begin(stage: Stage, k: int, passes: int, what: str, until: float) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.comparison.causes import NOT_THIS_MACHINE, Cause, Quantity, burst_verdict, causes, quantities
 from textile_twin_core.comparison.elastic_hypothesis import RIGID_NOTE, elastic_cause, elastic_hypothesis
+from textile_twin_core.comparison.elastic_readings import elastic_torque
 from textile_twin_core.comparison.evidence import REST_SHARE, Evidence, Settings
 from textile_twin_core.comparison.force_law import ForceLawCause, explained_by_force_law
 from textile_twin_core.comparison.judged import Judged, best_periodic
@@ -19,9 +20,11 @@ from textile_twin_core.comparison.readings import FEWEST_TURNS, AngleUnit, Readi
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack, shaft_track
 from textile_twin_core.comparison.slips import parts_between, slips_of, without_turns
 from textile_twin_core.comparison.speed_control import torque_by_speed
+from textile_twin_core.comparison.stage import Begin, unheard
 from textile_twin_core.comparison.standstill import standstills
 from textile_twin_core.comparison.torque_readings import TimeLine, fresh_readings, time_lines
 from textile_twin_core.comparison.torque_terms import TorqueTerms
+from textile_twin_core.inference.elastic_posterior import infer_elastic
 from textile_twin_core.inference.measurement import Hypothesis
 from textile_twin_core.inference.parameter import (
     DELAY,
@@ -50,6 +53,11 @@ _LEAST_PART, _EQUAL = 0.25, 0.9
 """Share of all turns that a part without a slip must have to represent the record; share of the longest part's turns
 from which an earlier part is as good."""
 _MOST_TOLD = 3
+_WELL = 0.9
+"""Share of the torque's variance from which no other unit of the angle, nor the other directions of a rigid shaft, are
+tried."""
+_BESIDE_S = 0.05
+"""Largest distance of a torque from the readings of the runs that an elastic shaft is observed in."""
 _FEWEST_SETTLED = 6.0
 """Fewest turns of a part whose turn beside a slip is left out."""
 _PLAUSIBLE_RAD_S = (0.2, 700.0)
@@ -99,13 +107,14 @@ class Assessment:
         return math.nan if self.found is None else self.found.explained
 
 
-def assess(readings: Readings, machine: Machine, track: ShaftTrack | None = None) -> Assessment:
+def assess(readings: Readings, machine: Machine, track: ShaftTrack | None = None, begin: Begin = unheard) -> Assessment:
     """Assess a recording by the hypotheses of its sensors and machine.
 
     Args:
         readings: the recording.
         machine: the machine as configured.
         track: the shaft's motion if it was estimated before, from angles in radians and the first angle's stamp on.
+        begin: called at each stage of the fit of an elastic shaft.
 
     Returns:
         The verdict, with the estimates behind it.
@@ -123,7 +132,7 @@ def assess(readings: Readings, machine: Machine, track: ShaftTrack | None = None
         >>> assess(readings, ttc.machines.tufting()).verdict[0].cause  # doctest: +SKIP
         'delay'
     """
-    judged = _assess(readings, machine, track)
+    judged = _assess(readings, machine, track, begin)
     judged = replace(judged, verdict=burst_verdict(readings.stamped, judged.verdict))
     if judged.unit.is_other and all(c.cause != "angle_unit" for c in judged.verdict):
         note = f"{judged.unit.instead}: tell it with --angle-unit {judged.unit.option}"
@@ -131,7 +140,7 @@ def assess(readings: Readings, machine: Machine, track: ShaftTrack | None = None
     return judged
 
 
-def _assess(readings: Readings, machine: Machine, track: ShaftTrack | None) -> Assessment:
+def _assess(readings: Readings, machine: Machine, track: ShaftTrack | None, begin: Begin) -> Assessment:
     unit = _unit(readings)
     terms = TorqueTerms(machine)
     if track is not None and unit.name == "radians":
@@ -146,10 +155,16 @@ def _assess(readings: Readings, machine: Machine, track: ShaftTrack | None) -> A
     if twisting is not None:
         # Fits of a rigid machine would explain the vibration by false inertias and sensors.
         return Assessment(unit, None, (elastic_cause(twisting),), (RIGID_NOTE,))
-    found = _judged(readings, machine, terms, unit, evidence)
+    found = None
+    if machine.shaft is not None and not readings.as_rigid:
+        found = _judged_elastically(readings, machine, unit, evidence, begin)
+    if found is None or found.explained < _WELL:
+        rigid = _judged(readings, machine, terms, unit, evidence)
+        if found is None or (rigid is not None and rigid.explained > found.explained):
+            found = rigid
     # without a linkage another unit of the angle is the same as another inertia
     rotor = found is not None and found.whole_turns
-    if not unit.wrapped and not rotor and (found is None or found.explained < 0.9):
+    if not unit.wrapped and not rotor and (found is None or found.explained < _WELL):
         unit, found = _other_unit(readings, machine, terms, (unit, found))
     if found is None:
         return Assessment(unit, None, (), ("no setting of encoder and torque sensor gives any accord",))
@@ -200,6 +215,29 @@ def _judged(
         if posterior is None:
             return None
     return Judged(evidence, posterior, ratio, _encoder_turn(machine), posterior.explained, by_speed, lines)
+
+
+def _judged_elastically(
+    readings: Readings, machine: Machine, unit: AngleUnit, evidence: Evidence, begin: Begin
+) -> Judged | None:
+    """Infer the posterior with the elastic shaft free beside sensors, loads and bodies; None if it does not settle."""
+    torque, configured = elastic_torque(readings, unit, machine), hypothesis_of(machine)
+    if torque is None:
+        return None
+    late = evidence.time_s - configured.delay_s
+    after = np.clip(np.searchsorted(torque.time_s, late), 1, torque.time_s.size - 1)
+    beside = np.minimum(np.abs(torque.time_s[after] - late), np.abs(late - torque.time_s[after - 1])) < _BESIDE_S
+    evidence = replace(evidence, time_s=evidence.time_s[beside], torque_Nm=evidence.torque_Nm[beside], ripple=Ripple())
+    posterior = infer_elastic(record_of(evidence), torque, configured, begin) if beside.any() else None
+    if posterior is None:
+        return None
+    evidence = replace(evidence, predicted=posterior.measurement.record.predicted)
+    lines = _time_lines(evidence, posterior)
+    if lines:
+        quiet = evidence.torque_Nm - sum(line.at(evidence.time_s) for line in lines)
+        evidence = replace(evidence, torque_Nm=quiet)
+        posterior = infer(record_of(evidence), torque.machine, configured, (1.0,)) or posterior
+    return Judged(evidence, posterior, 1.0, _encoder_turn(machine), posterior.explained, 0.0, lines)
 
 
 def _time_lines(evidence: Evidence, posterior: Posterior) -> tuple[TimeLine, ...]:
@@ -276,6 +314,7 @@ def record_of(
         turning.block_s,
         evidence.encoder_turn_rad / TURN,
         evidence.ripple,
+        evidence.predicted,
     )
 
 

@@ -13,6 +13,8 @@ from textile_twin_core.comparison.readings import AngleUnit, shown_turn
 from textile_twin_core.comparison.stamp_timing import StampTiming
 from textile_twin_core.comparison.torque_readings import TimeLine
 from textile_twin_core.comparison.uncertainty import with_sigma
+from textile_twin_core.driveline import elastic_shaft, find_resonances
+from textile_twin_core.inference.elastic_torque import OF_SHAFT, STIFFNESS, with_shaft_values
 from textile_twin_core.inference.parameter import (
     BUTTERWORTH,
     COULOMB,
@@ -215,6 +217,8 @@ def _departures(found: Judged) -> list[Cause]:
             continue
         if name == ECCENTRIC[1] and ECCENTRIC[0] in p.off_nominal:
             continue  # one cause for both orders
+        if name in OF_SHAFT and any(cause.cause == "elastic_shaft" for _, cause in named):
+            continue  # one cause for all numbers of the shaft
         named.append((effects.get(name, 0.0), _ONE.get(name, _of_machine)(found, name)))
     # dry and viscous friction may each stay within tolerance where their sum does not
     friction, sigma = _friction_departure(found, _with_offset(found))
@@ -416,6 +420,29 @@ def _is_offset_in_unit(found: Judged) -> bool:
     return bool(near.unit) and abs(found.settings.offset_Nm - own) < max(_SAME * abs(own), 4.0 * sigma)
 
 
+def _shaft(found: Judged, name: str) -> Cause:
+    """Cause for an elastic shaft that is not as declared: all its numbers that depart."""
+    p = found.posterior
+    values = {known.name: p.value(known.name) for known in p.measurement.parameters if known.name in OF_SHAFT}
+    wrong = [
+        f"{what} {values[each]:.4g} +- {p.sigma(each):.2g} {p.parameter(each).unit} instead of"
+        f" {p.parameter(each).nominal:.4g}"
+        for each, what in zip(
+            OF_SHAFT, ("stiffness", "damping", "inertia of the drive", "slip of the drive"), strict=True
+        )
+        if each in p.off_nominal
+    ]
+    machine = with_shaft_values(p.measurement.model.machine, values)
+    speed = machine.nominal_speed_rad_s
+    first_Hz = find_resonances(elastic_shaft(machine), (0.5 * speed, speed)).modes[0].damped_Hz
+    text = (
+        f"the elastic shaft of the machine file is wrong: {', '.join(wrong)}; first natural frequency"
+        f" {first_Hz:.1f} Hz; `identify --out` writes it, and the rest is judged with it{_equivalents(found, name)[1]}"
+    )
+    value = {"first_mode_Hz": first_Hz, "stiffness_Nm_rad": values[STIFFNESS]}
+    return Cause("elastic_shaft", text, value, p.sigma(STIFFNESS), STIFFNESS, _equivalents(found, name)[0])
+
+
 def _rotor(found: Judged, name: str) -> Cause:
     p = found.posterior
     away, sigma = p.departure(ROTOR), p.sigma(ROTOR)
@@ -491,6 +518,7 @@ _ONE: dict[str, Callable[[Judged, str], Cause]] = {
     LOW_PASS: _low_pass,
     BUTTERWORTH: _low_pass,
     HIGH_PASS: _high_pass,
+    **dict.fromkeys(OF_SHAFT, _shaft),
 }
 """Words of each departure of sensors and friction; `_of_machine` has those of the machine's own numbers."""
 
@@ -540,7 +568,8 @@ def quantities(found: Judged, verdict: Sequence[Cause]) -> tuple[Quantity, ...]:
         away, sigma = _friction_departure(found)
         row((COULOMB, VISCOUS), "friction at working speed", file + away, sigma, " N m", file, ".3f")
     for known in p.measurement.parameters:
-        if known.kind == "force":
-            row((known.name,), known.name, p.value(known.name), p.sigma(known.name), " N", known.nominal, ".4g")
+        if known.kind == "force" or known.name in OF_SHAFT:
+            unit, name = f" {known.unit}", known.name
+            row((name,), name, p.value(name), p.sigma(name), unit, known.nominal, ".4g")
     said = {cause.parameter for cause in verdict}
     return tuple(Quantity(what, text) for names, what, text in rows if said.isdisjoint(names))

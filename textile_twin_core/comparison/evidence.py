@@ -11,6 +11,7 @@ from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
 from textile_twin_core.comparison.torque_terms import TorqueTerms
 from textile_twin_core.inference import blocks
+from textile_twin_core.inference.elastic_torque import PredictedTorque
 from textile_twin_core.inference.record import Ripple
 
 _MOST_SAMPLES = 8000
@@ -58,6 +59,7 @@ class Evidence:
     block_s: width of the block averages (see `in_blocks`), or 0.
     encoder_turn_rad: shaft angle of one turn of the encoder.
     ripple: of the motion, and its uncertainty (see `uncertain_ripple`).
+    predicted: torque of an elastic shaft; None for a rigid one.
     """
 
     time_s: FloatArray
@@ -70,6 +72,7 @@ class Evidence:
     block_s: float = 0.0
     encoder_turn_rad: float = TURN
     ripple: Ripple = field(default_factory=Ripple)
+    predicted: PredictedTorque | None = None
     slow_rad_s: float = field(init=False)
 
     def __post_init__(self) -> None:

@@ -48,6 +48,7 @@ class Readings:
         velocities: (n,) speed as logged, None where there is none.
         stamped: topics with stamps in bursts, whose times are reconstructed.
         second: of the encoder at `second_encoder_at` of an elastic shaft; None without one.
+        as_rigid: the torque is that of a rigid shaft, although the machine's is elastic (see `without_elasticity`).
 
     Examples:
         >>> import numpy as np
@@ -64,6 +65,7 @@ class Readings:
     velocities: FloatArray | None = None
     stamped: tuple[StampTiming, ...] = ()
     second: SecondAngle | None = None
+    as_rigid: bool = False
 
     def __post_init__(self) -> None:
         for values, what in ((self.angle, "shaft angles"), (self.torque, "torque samples")):

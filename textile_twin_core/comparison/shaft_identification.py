@@ -23,6 +23,7 @@ from textile_twin_core.driveline.drive_bank import MEMORIES
 from textile_twin_core.driveline.observer import ShaftObserver
 from textile_twin_core.driveline.observer_step import shaft_readings
 from textile_twin_core.errors import RecordingError
+from textile_twin_core.inference import elastic_torque
 from textile_twin_core.inference.robust import robust_scale
 from textile_twin_core.machine import Machine, MainShaft, TorqueFilter
 from textile_twin_core.machine.main_shaft import ShaftDrive
@@ -173,18 +174,6 @@ class _Observed:
         return np.append(filtered[0], filtered[1, -1])
 
 
-@dataclass(frozen=True)
-class ShaftScan:
-    """Stiffness and damping that leave least of the torque, and the share that they leave of the configured shaft's."""
-
-    machine: Machine
-    observed: _Observed
-    started: Mapping[str, float]
-    share: float
-    before_Nm: FloatArray
-    second_before_rad: FloatArray
-
-
 def _about_mean(values: FloatArray) -> FloatArray:
     return np.asarray(values - np.mean(values) if values.size else values)
 
@@ -222,15 +211,10 @@ def identify_shaft(readings: Readings, machine: Machine, begin: Begin = unheard)
     Raises:
         RecordingError: For a recording without enough converged predictions.
     """
-    return fit_shaft(scan_shaft(readings, machine, begin), begin)
-
-
-def scan_shaft(readings: Readings, machine: Machine, begin: Begin = unheard) -> ShaftScan:
-    """Try stiffnesses and dampings of a shaft with its drive unknown; arguments and errors as `identify_shaft`."""
     begin("observing", 0.1)
-    observed = _Observed(readings, machine)
-    configured = observed.configured
-    before, second_before = observed.residual(observed.observer({**configured, **_known_drive(machine)}), first=True)
+    observed, drive = _Observed(readings, machine), _shaft(machine).drive
+    configured, known = observed.configured, {INERTIA: drive.inertia_kgm2, SLIP: drive.slip_Nms_rad}
+    before, second_before = observed.residual(observed.observer({**configured, **known}), first=True)
     if before.size < _FEWEST:
         if observed.scales.damping_ratio == 0.0:
             raise RecordingError("a shaft without any damping never settles: give its pieces damping_Nms_rad")
@@ -242,24 +226,9 @@ def scan_shaft(readings: Readings, machine: Machine, begin: Begin = unheard) -> 
         return float(np.mean(np.abs(observed.residual(observed.observer({**configured, **unknown, **values}))[0])))
 
     stiffness = min((configured[STIFFNESS] * factor for factor in _FACTORS), key=lambda each: left({STIFFNESS: each}))
-    dampings = [configured[DAMPING] * factor for factor in _DAMPINGS]
-    left_by = [left({STIFFNESS: stiffness, DAMPING: each}) for each in dampings]
-    best = int(np.argmin(left_by))
-    started = {STIFFNESS: stiffness, DAMPING: dampings[best]}
-    return ShaftScan(machine, observed, started, left_by[best] / float(np.mean(np.abs(before))), before, second_before)
-
-
-def _known_drive(machine: Machine) -> dict[str, float | None]:
-    """Inertia and slip of the drive, None where the machine file has none."""
-    drive = _shaft(machine).drive
-    return {INERTIA: drive.inertia_kgm2, SLIP: drive.slip_Nms_rad}
-
-
-def fit_shaft(scan: ShaftScan, begin: Begin = unheard) -> ShaftIdentification:
-    """Fit the shaft from the best of the scanned stiffnesses on."""
-    machine, observed, before, second_before = scan.machine, scan.observed, scan.before_Nm, scan.second_before_rad
-    configured, known = observed.configured, _known_drive(machine)
-    started: dict[str, float | None] = {**configured, **scan.started}
+    dampings = (configured[DAMPING] * factor for factor in _DAMPINGS)
+    damping = min(dampings, key=lambda each: left({STIFFNESS: stiffness, DAMPING: each}))
+    started: dict[str, float | None] = {**configured, STIFFNESS: stiffness, DAMPING: damping}
     learner = observed.observer(started | {name: value for name, value in known.items() if value is None})
     observed.residual(learner)
     started |= {INERTIA: learner.drive_inertia_kgm2, SLIP: max(learner.drive_slip_Nms_rad, 0.0)}
@@ -320,46 +289,12 @@ def _shaft(machine: Machine) -> MainShaft:
     return machine.shaft
 
 
-def _end_to_end(values: FloatArray) -> float:
-    """Stiffness or damping of pieces in series; 0 where one has none."""
-    return float(1.0 / np.sum(1.0 / values)) if (values > 0.0).all() else 0.0
-
-
 def shaft_values(machine: Machine) -> dict[str, float]:
     """Values of the parameters of a machine."""
-    shaft = _shaft(machine)
-    ratios = np.array(shaft.speed_ratios[1:])
-    stiffness, damping = (
-        np.array(each) * ratios**2
-        for each in ([p.stiffness for p in shaft.pieces], [p.damping_Nms_rad for p in shaft.pieces])
-    )
-    drive = (shaft.drive.inertia_kgm2 or 0.0, shaft.drive.slip_Nms_rad or 0.0)
-    return dict(zip(_NAMES, (_end_to_end(stiffness), _end_to_end(damping), *drive), strict=True))
+    return dict(zip(_NAMES, elastic_torque.shaft_values(machine).values(), strict=True))
 
 
 def _changed(machine: Machine, values: Mapping[str, float]) -> Machine:
     """Return the machine with other values of some parameters; pieces keep their proportions and own inertia."""
-    shaft, now = _shaft(machine), shaft_values(machine)
-    factors = {name: values.get(name, now[name]) / now[name] for name in (STIFFNESS, DAMPING) if now[name] > 0.0}
-    pieces = tuple(
-        replace(
-            piece,
-            stiffness_Nm_rad=piece.stiffness * factors[STIFFNESS],
-            diameter_m=None,
-            length_m=None,
-            damping_Nms_rad=piece.damping_Nms_rad * factors.get(DAMPING, 1.0),
-        )
-        for piece in shaft.pieces
-    )
-    bars = np.array([piece.bar_inertia_kgm2 for piece in shaft.pieces])
-    ends = 0.5 * (np.append(bars, 0.0) + np.append(0.0, bars))
-    stations = tuple(
-        replace(station, inertia_kgm2=station.inertia_kgm2 + float(end))
-        for station, end in zip(shaft.stations, ends, strict=True)
-    )
-    drive = replace(
-        shaft.drive,
-        inertia_kgm2=values.get(INERTIA, shaft.drive.inertia_kgm2),
-        slip_Nms_rad=values.get(SLIP, shaft.drive.slip_Nms_rad),
-    )
-    return replace(machine, shaft=replace(shaft, stations=stations, pieces=pieces, drive=drive))
+    paths = dict(zip(_NAMES, elastic_torque.OF_SHAFT, strict=True))
+    return elastic_torque.with_shaft_values(machine, {paths[name]: value for name, value in values.items()})

@@ -53,7 +53,7 @@ _RETRY_SAMPLES, _NO_BETTER = 1000.0, 0.5
 """Learning begins again where so many samples have not brought the innovations' mean square down to this share."""
 _SURE = 0.1
 """Sigma of the torque over its root mean square up to which a prediction counts as settled."""
-_NEW_STRETCH = 2.0
+NEW_STRETCH = 2.0
 _LOST_RAD = math.pi
 """Distance from the shaft estimator's angle at which the chain is lost."""
 FIRST_DRIVE = 0.3
@@ -184,7 +184,7 @@ def _take(
     elif not gap:
         o.interval += (r.step[j] - o.interval) / _INTERVAL_SAMPLES
     o.still = 0.0 if sense else o.still + 1.0
-    if o.still > _STILL_SAMPLES or gap or r.cut[j] >= _NEW_STRETCH:
+    if o.still > _STILL_SAMPLES or gap or r.cut[j] >= NEW_STRETCH:
         o.mode = FOLLOWING
     if o.mode == OBSERVING:
         _advance(chain, state, bank, o, room, r, j)

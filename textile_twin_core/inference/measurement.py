@@ -161,6 +161,12 @@ class Measurement:
         other.about = about
         return other
 
+    @property
+    def start(self) -> FloatArray:
+        """Values (k,) about which the torque is predicted: the nominal ones but for an elastic shaft's."""
+        known = {} if self.record.predicted is None else self.record.predicted.start
+        return np.array([known.get(p.name, p.nominal) for p in self.parameters])
+
     def values(self, x: FloatArray) -> dict[str, float]:
         """Values by name."""
         return dict(zip(self.names, x.tolist(), strict=True))
@@ -196,12 +202,16 @@ class Measurement:
         table = self.model.table(v, self.about)
         gain = hypothesis.gain * gain_factor(v[GAIN])
         (theta, omega, alpha, good), own = self.states(hypothesis, v)
-        spread = self.spread_rad(hypothesis)
-        found = self.model.torque(v, (theta, omega, alpha), table, slopes, spread_rad=spread)
-        torque, columns = found.torque_Nm, dict[str, FloatArray]()
-        if slopes:
+        found, inside, columns = self.true_torque(hypothesis, v, (theta, omega, alpha), table, slopes)
+        torque = found.torque_Nm
+        if slopes and self.record.predicted is None:
             columns = self._slopes(hypothesis, v, table, found, own)
-        good = good & (np.abs(omega) > _SLOW * abs(hypothesis.turn) * self.record.slow_rad_s) & np.isfinite(torque)
+        good = (
+            good
+            & inside
+            & (np.abs(omega) > _SLOW * abs(hypothesis.turn) * self.record.slow_rad_s)
+            & np.isfinite(torque)
+        )
         sigma = np.sqrt(found.variance)
         if hypothesis.filters:
             torque, sigma, theta, good, columns = self._filtered(hypothesis, v, torque, sigma, theta, good, columns)
@@ -214,6 +224,33 @@ class Measurement:
         none = np.zeros_like(torque)
         matrix = gain * np.stack([columns.get(name, none) for name in self.names], 1)
         return Expected(shown, good & np.isfinite(matrix).all(axis=1), theta, sigma, matrix)
+
+    def true_torque(
+        self,
+        hypothesis: Hypothesis,
+        v: Mapping[str, float],
+        state: State,
+        table: FloatArray,
+        slopes: bool = False,
+        spread_rad: float = 0.0,
+    ) -> tuple[Torque, BoolArray, dict[str, FloatArray]]:
+        """Torque of the shaft at its states, a mask of the known ones, and slopes by the machine's parameters.
+
+        That of an elastic shaft depends on the motion before: it comes from the record's prediction at the same times.
+        """
+        predicted = self.record.predicted
+        if predicted is None:
+            spread = spread_rad or self.spread_rad(hypothesis)
+            found = self.model.torque(v, state, table, slopes, spread_rad=spread)
+            return found, np.ones(found.torque_Nm.size, np.bool_), found.slopes
+        time = self.grid.time_s if hypothesis.filters else self.record.time_s
+        late = hypothesis.delay_s + v[DELAY] + v[DRIFT] * (time - self.record.middle_s)
+        torque, rate, inside, columns = predicted.at(time - late, v, slopes)
+        if slopes:
+            columns[DELAY] = -rate
+            columns[DRIFT] = -rate * (time - self.record.middle_s)
+        none = np.zeros_like(torque)
+        return Torque(torque, columns, none, none, none), inside, columns
 
     def spread_rad(self, hypothesis: Hypothesis) -> float:
         """Shaft angle over which a step of the load is smeared; a filter smears it by itself."""
@@ -271,9 +308,10 @@ class Measurement:
         (theta, omega, alpha, good), _ = self.states(hypothesis, v)
         guard = 0.5 * _GUARD_S * abs(hypothesis.turn * self.record.speed_rad_s)
         spread = self.spread_rad(hypothesis) if hypothesis.filters else guard
-        found = self.model.torque(v, (theta, omega, alpha), self.model.table(v, self.about), spread_rad=spread)
+        table = self.model.table(v, self.about)
+        found, inside, _ = self.true_torque(hypothesis, v, (theta, omega, alpha), table, spread_rad=spread)
         torque = found.torque_Nm
-        good = good & (np.abs(omega) > _SLOW * abs(hypothesis.turn) * self.record.slow_rad_s)
+        good = good & inside & (np.abs(omega) > _SLOW * abs(hypothesis.turn) * self.record.slow_rad_s)
         if hypothesis.filters:
             sigma = np.sqrt(found.variance)
             torque, _, _, good, _ = self._filtered(hypothesis, v, torque, sigma, theta, good, {})

@@ -163,11 +163,11 @@ def infer(
     Returns:
         The posterior, or None when no hypothesis gives a fit.
     """
-    measurement = _measurement(record, machine, configured)
+    measurement = measurement_of(record, machine, configured)
     dense_measurement = measurement if dense is None else measurement.on(dense)
     found = _inferred(measurement, configured, ratios)
-    if not measurement.model.depends_on_angle():
-        return found  # means over whole turns show no filter
+    if not measurement.model.depends_on_angle() or record.predicted is not None:
+        return found  # means over whole turns show no filter; beside an elastic shaft none is searched
     if found is not None and found.fit.rms < abs(found.hypothesis.gain) * measurement.uncertain_Nm:
         return found  # the uncertain motion explains more torque than is left for a filter
     if found is None or found.explained < _BLOCKED_MEAN or OFFSET in found.off_nominal or _differs(found):
@@ -304,13 +304,14 @@ def _distinct(fits: list[Fit]) -> list[Fit]:
     return list(first.values())
 
 
-def _measurement(record: Record, machine: Machine, configured: Hypothesis) -> Measurement:
+def measurement_of(record: Record, machine: Machine, configured: Hypothesis) -> Measurement:
     """Return the measurement; priors scale with the working torque, which a model with unscaled priors predicts."""
     speed = abs(record.speed_rad_s * configured.turn)
     unscaled, held = parameters(machine, WorkingPoint(1.0, speed, 1.0))
     model = TabulatedTorque(machine, unscaled, held)
     measurement = Measurement(record.thinned(MOST_SAMPLES) if not record.block_s else record, model, unscaled, 1.0)
-    seen = measurement.expected(configured, measurement.nominal)
+    rigid = measurement.on(replace(measurement.record, predicted=None))
+    seen = rigid.expected(configured, measurement.nominal)
     torque = np.abs(seen.torque_Nm[seen.good] - configured.offset_Nm) / abs(configured.gain)
     scale = max(float(np.percentile(torque, 95.0)) if torque.size else 0.0, 1e-9)
     inertia = max(model.mean_inertia + sum(b.inertia_kgm2 for b in machine.bodies if b.is_flywheel), 1e-12)
@@ -318,6 +319,10 @@ def _measurement(record: Record, machine: Machine, configured: Hypothesis) -> Me
     if not model.depends_on_angle():
         without = tuple(p for p in scaled if p.kind != "eccentricity")
         return Measurement(measurement.record, model, without, scale)
+    if record.predicted is not None:
+        # the observer of an elastic shaft hardly follows a run-out of the encoder, so its torque shows none
+        known = (*(p for p in scaled if p.kind != "eccentricity"), *record.predicted.parameters)
+        return Measurement(measurement.record, model, known, scale, record.predicted.uncertain_Nm)
     orders = model.torque_orders(speed)
     ripple, felt = uncertain_ripple(measurement.record.ripple, orders, inertia, speed, scale)
     # the mean torque shows no gain beside friction

@@ -13,6 +13,7 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.dynamics.loads import Backing, ShaftFriction
 from textile_twin_core.errors import MachineError
+from textile_twin_core.inference.elastic_torque import shaft_values
 from textile_twin_core.inference.parameter import (
     BUTTERWORTH,
     COULOMB,
@@ -92,6 +93,11 @@ PRIORS: Mapping[str, Prior] = {
     "length": Prior(5e-4, 0.02, 0.002, 3e-3),
     "ground": Prior(1e-4, 3e-3, 0.001, 1e-3),
     "angle": Prior(2e-3, 0.05, 0.001, 0.01),
+    # An elastic shaft: its stiffness follows from a drawing, its damping from a guess; a drive's slip from its load.
+    "stiffness": Prior(5e-3, 0.1, 0.05, 0.01),
+    "damping": Prior(0.1, 0.5, 0.05, 0.1),
+    "drive": Prior(0.02, 0.3, 0.03, 0.04),
+    "slip": Prior(0.05, 0.5, 0.03, 0.1),
 }
 """Standard deviations, relative where the kind's numbers have a size of their own."""
 
@@ -127,6 +133,8 @@ _NO_SIZE = 1e-50
 """Size below which a number has no relative tolerance, and no effect."""
 _SHORTEST = 0.8
 """Least length over its nominal value: a linkage of shorter lengths is another machine."""
+_LEAST_OF_SHAFT = 0.1
+"""Least stiffness, damping and drive over the nominal one."""
 _NOT_NEGATIVE = ("mass", "inertia", "spring", "load", "force", "free_force")
 _OF_UNIT = {"kg": "mass", "kg m2": "inertia", "m": "length", "rad": "angle"}
 """Kind of a number whose name is not in `_OF_ATTRIBUTE`, by its unit; in a load `load` for any other unit."""
@@ -182,6 +190,18 @@ def parameters(machine: Machine, point: WorkingPoint) -> tuple[tuple[ModelParame
         own.append(_of(kind, name, value, scale, _unit(slot), low))
         held[name] = slot
     return tuple(_with_tolerance(machine, known) for known in _checked(machine, own)), held
+
+
+def shaft_parameters(machine: Machine, learned: bool) -> tuple[ModelParameter, ...]:
+    """Parameters of an elastic shaft; `learned`: its drive is estimated from the record, and departs from no file."""
+    kinds = ("stiffness", "N m/rad"), ("damping", "N m s/rad"), ("drive", "kg m2"), ("slip", "N m s/rad")
+    out = []
+    for (name, value), (kind, unit) in zip(shaft_values(machine).items(), kinds, strict=True):
+        if value > 0.0:
+            p = _of(kind, name, value, value, unit, _LEAST_OF_SHAFT * value)
+            free = learned and kind in ("drive", "slip")
+            out.append(replace(p, tolerance=p.departure, probability=0.0) if free else p)
+    return tuple(out)
 
 
 def chain_parameters(machine: Machine) -> list[ModelParameter]:

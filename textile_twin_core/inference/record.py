@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray
+from textile_twin_core.inference.elastic_torque import PredictedTorque
 
 MOST_SAMPLES = 12_000
 """Most samples of the turning shaft in a fit; of longer records it takes this number, evenly."""
@@ -58,6 +59,7 @@ class Record:
         block_s: width of the block averages of residuals; 0: each sample counts by itself.
         shaft_per_encoder: turns of the motion's angle in a turn of the encoder.
         ripple: of the motion, and its uncertainty.
+        predicted: torque of an elastic shaft, by its observer; None for a rigid one.
     """
 
     time_s: FloatArray
@@ -72,6 +74,7 @@ class Record:
     block_s: float = 0.0
     shaft_per_encoder: float = 1.0
     ripple: Ripple = field(default_factory=lambda: Ripple())
+    predicted: PredictedTorque | None = None
 
     def thinned(self, most: int) -> Record:
         """Return a copy with at most `most` samples, each by itself."""

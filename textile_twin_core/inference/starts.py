@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
+from textile_twin_core.inference.elastic_torque import OF_SHAFT
 from textile_twin_core.inference.map_fit import Fit, fit_with_prior_update
 from textile_twin_core.inference.measurement import Hypothesis, Measurement
 from textile_twin_core.inference.parameter import (
@@ -59,7 +60,9 @@ _TELLING = 10.0
 
 def hypotheses(measurement: Measurement, configured: Hypothesis, ratios: tuple[float, ...] = RATIOS) -> list[Fit]:
     """Fit sensors, friction, inertia and forces under the likeliest discrete hypotheses, likeliest first."""
-    free = {p.name for p in measurement.parameters if p.name in (*SENSORS, *BESIDE, HELD) or p.kind == "force"}
+    free = {
+        p.name for p in measurement.parameters if p.name in (*SENSORS, *BESIDE, HELD, *OF_SHAFT) or p.kind == "force"
+    }
     if measurement.record.one_speed and measurement.model.depends_on_angle():
         free -= {DELAY}  # which is a zero there
     free |= configured.filters
@@ -77,7 +80,7 @@ def hypotheses(measurement: Measurement, configured: Hypothesis, ratios: tuple[f
         ):  # no plausible gain: another unit, although the scan's factor is rough
             near = nearest_gain(factor or 1e-3, configured.gain, near=math.inf)
         hypothesis = replace(hypothesis, gain=near.gain, unit=near.factor)
-        x = measurement.nominal.copy()
+        x = measurement.start
         x[measurement.place[ZERO]] = np.remainder(zero + np.pi, TURN) - np.pi
         x[measurement.place[DELAY]] = delay
         if HIGH_PASS in configured.filters:
@@ -132,6 +135,8 @@ def _starts(
     measurement: Measurement, configured: Hypothesis, ratios: tuple[float, ...]
 ) -> list[tuple[_Scaled, float, float, Hypothesis]]:
     """Gain and inertia, zero, delay and hypothesis of the few best starts."""
+    if measurement.record.predicted is not None:
+        return [_predicted_start(measurement, configured)]
     has_zero = measurement.model.depends_on_angle()
     fast = measurement.on(measurement.record.near_speed(_NEAR_SPEED, _SCAN))
     zeros = np.append(TURN * np.arange(_ZEROS) / _ZEROS - np.pi, 0.0) if has_zero else np.zeros(1)
@@ -174,6 +179,16 @@ def _starts(
         differ = gains[0][0] * gains[1][0] < 0.0
         out += [(each, zero, delay, hypothesis) for each in (gains if differ else gains[:1])]
     return out
+
+
+def _predicted_start(measurement: Measurement, configured: Hypothesis) -> tuple[_Scaled, float, float, Hypothesis]:
+    """Start at the values about which the torque of an elastic shaft is predicted, in the configured direction."""
+    x = measurement.start
+    values = measurement.values(x)
+    seen = measurement.expected(configured, x)
+    expected = (seen.torque_Nm - configured.offset_Nm)[seen.good] / (configured.gain * gain_factor(values[GAIN]))
+    gain = float(np.polyfit(expected, measurement.record.torque_Nm[seen.good], 1)[0]) if np.ptp(expected) else 0.0
+    return (gain, values[ROTOR]), values[ZERO], values[DELAY], configured
 
 
 def _scaled(gain: float, shown_inertia: float) -> _Scaled:
