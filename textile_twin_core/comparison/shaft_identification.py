@@ -151,7 +151,7 @@ class _Observed:
         piece, sign = shaft.torque_piece
         torque = self._filtered(sign * self._elastic.piece_torques(observed.motion.pieces)[:, piece])
         if first:
-            settled = observed.found["settled"] > 0.5
+            settled = observed.found["rung"] > 0.5
             self.settled = self._within & settled[self._near] & settled[self._near - 1]
         error = (self.torque - np.interp(self._time, self._known, torque))[self.settled]
         if self._second is None or shaft.second_encoder_station is None:

@@ -192,6 +192,15 @@ def update(bank: DriveBank, innovation: float, variance: float) -> None:
 
 
 @compiled_in_place
+def innovation_variance(bank: DriveBank, variance: float) -> float:
+    """Variance of the next innovation where readings have this variance, whatever scale the filters have learnt."""
+    result = 0.0
+    for m in range(bank.memory.size):
+        result += bank.probability[m] * bank.covariance[m, SHIFT, SHIFT] / bank.scale[m]
+    return result + variance
+
+
+@compiled_in_place
 def covariance_of(bank: DriveBank, first: FloatArray, second: FloatArray) -> float:
     """Covariance of two linear functions of x, coefficients (5,), within and between the filters."""
     result = 0.0

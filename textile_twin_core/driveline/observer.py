@@ -192,7 +192,7 @@ class ShaftObserver:
             elastic.chain, self._full_inertia(), shaft.encoder_station, second, self._second_period
         )
         self._room = Room(
-            self._inertia, np.zeros(elastic.stations), self._most_lead, np.zeros((4, 5)), self._static_twist()
+            self._inertia, np.zeros(elastic.stations), self._most_lead, np.zeros((5, 5)), self._static_twist()
         )
         self._observer: Any = records(OBSERVER)
         piece, sign = shaft.torque_piece

@@ -22,6 +22,7 @@ from textile_twin_core.driveline.drive_bank import (
     DriveBank,
     begin_bank,
     covariance_of,
+    innovation_variance,
     predict,
     release,
     update,
@@ -59,6 +60,9 @@ _LOST_RAD = math.pi
 FIRST_DRIVE = 0.3
 """beta before the first reading, over its largest possible value: a drive 2.3 times as heavy as all else."""
 LEAD = 1.0 / 6.0
+_RECENT, _IMPROBABLE = 16.0, 4.0
+"""Readings over which the normalised innovation squared is averaged, and its largest mean of a settled state: noise of
+this many exceeds 2.2 once in 1e4 times, a slow shaft's error of half a step of the encoder is 3."""
 _CHECK_SAMPLES, _FALLING, _MISFIT = 250.0, 0.7, 4.0
 """Samples between two looks at the scale of the noise, factor below which it is falling: still learning, and scale from
 which the chain with the estimated drive does not explain the readings."""
@@ -77,6 +81,8 @@ OBSERVER = np.dtype(
             "natural", "decay",  # first mode [rad/s] and its decay [1/s]
             "swing", "swing_rate",  # vibration of the torque if corrections were events, its rate over `natural` [N m]
             "turn_begin", "turn_time", "turn_speed",  # of the present turn [rad, s]; mean speed of the first [rad/s]
+            "surprise", "calm_begin", "calm",  # mean squared normalised innovation; angle, time since it was improbable
+            "last", "vibration",  # torque of the sample before, amplitude of its vibration [N m]
             "checked", "scale", "converged",  # samples since the last look, scale then; 1 once it has stopped falling
             "load", "load_at", "load_slope",  # torque of all but the drive [N m], at an angle [rad]; its slope
             "interval", "still", "torque_square",
@@ -89,11 +95,11 @@ OBSERVER = np.dtype(
     ]
 )  # fmt: skip
 STATE = np.dtype(
-    [(name, np.float64) for name in ("angle", "speed", "acceleration", "settled", "sigma")]
+    [(name, np.float64) for name in ("angle", "speed", "acceleration", "settled", "rung", "sigma")]
     + [("covariance", np.float64, (9,))]
 )
-"""What the observer makes of a reading: the encoder's station (angle relative to the record's origin), and the torque
-sensor's sigma [N m]."""
+"""What the observer makes of a reading: the encoder's station (angle relative to the record's origin), 1 where the
+start has rung off, whatever the readings say (`rung`), and the torque sensor's sigma [N m]."""
 
 
 @by_reference
@@ -140,7 +146,7 @@ class Room(NamedTuple):
     most_lead: FloatArray
     """(pieces,) bound of `lead` times the substep squared [s^2]"""
     gradient: FloatArray
-    """(4, 5) gradients by x of angle, speed, acceleration and torque"""
+    """(5, 5) gradients by x of angle, speed, acceleration, torque and mobility"""
     twist: FloatArray
     """(stations,) static twist of a uniform acceleration, 0 at the encoder's station [rad s^2/rad]"""
 
@@ -265,6 +271,8 @@ def _begin(bank: DriveBank, o: Record, room: Room, r: ShaftReadings, j: int) -> 
     o.d = room.torque[int(o.drive)] * o.beta
     o.load_at, o.load_slope, o.load = r.angle[j], 0.0, math.nan
     o.swing = o.swing_rate = 0.0
+    o.surprise, o.calm, o.calm_begin = 1.0, 0.0, r.angle[j]
+    o.last, o.vibration = math.nan, 0.0
     noise = r.variance[j] / max(o.interval, 1e-9) ** 4
     torque = r.covariance[j, 8] + r.speed[j] ** 4 + noise
     begin_bank(bank, r.covariance[j, 0] + r.variance[j], r.covariance[j, 4] + r.variance[j] / o.interval**2, torque)
@@ -320,12 +328,16 @@ def _advance(
     predict(bank, dt, o.interval, r.variance[j], o.learning)
     o.since_begin += dt
     o.since_release += dt
+    o.calm += dt
+    if o.surprise > _IMPROBABLE:
+        o.calm, o.calm_begin = 0.0, angle
     left, cosine, sine = math.exp(-o.decay * dt), math.cos(o.natural * dt), math.sin(o.natural * dt)
     swing = o.swing
     o.swing = left * (cosine * swing + sine * o.swing_rate)
     o.swing_rate = left * (cosine * o.swing_rate - sine * swing)
     if r.used[j] > 0.0:
         off = r.reading[j] - angle
+        o.surprise += (off * off / innovation_variance(bank, r.variance[j]) - o.surprise) / _RECENT
         update(bank, off, r.variance[j])
         o.theta += bank.mean[0]
         o.load_at += bank.mean[0]
@@ -349,7 +361,7 @@ def _set_gradient(o: Record, room: Room, speed: float, rate: float) -> None:
     for i in range(4):
         for k in range(5):
             gradient[i, k] = 0.0
-    gradient[0, 0] = gradient[1, 1] = 1.0
+    gradient[0, 0] = gradient[1, 1] = gradient[4, 4] = 1.0
     gradient[2, 0], gradient[2, 1], gradient[2, 2] = -o.beta * o.load_slope, -rate, 1.0
     gradient[2, 3], gradient[2, 4] = -speed, -o.load
     if o.known_slip > 0.0:
@@ -426,6 +438,22 @@ def _open_friction(chain: ShaftChain, state: ChainState, o: Record, room: Room, 
 
 
 @compiled_in_place
+def _out_of_phase(bank: DriveBank, o: Record, room: Room, torque: float, dt: float) -> float:
+    """Error of the vibrating torque [N m] where the drive's inertia, and with it the natural frequency, is uncertain.
+
+    Two masses on a spring: the frequency is off by half the others' share times that of the drive's inertia.
+    """
+    apart = abs(torque - o.last) / (2.0 * math.sin(0.5 * min(o.natural * dt, math.pi)))
+    held = o.vibration * math.exp(-o.decay * dt)
+    o.vibration = max(held, apart) if apart == apart else held
+    o.last = torque
+    sigma = math.sqrt(max(covariance_of(bank, room.gradient[4], room.gradient[4]), 0.0)) / o.beta
+    own = 1.0 - o.others * o.beta
+    phase = 0.5 * o.others * o.beta / own * sigma * o.natural / max(o.decay, 1e-300)
+    return o.vibration * min(phase, 2.0)
+
+
+@compiled_in_place
 def _report(
     chain: ShaftChain,
     state: ChainState,
@@ -451,6 +479,7 @@ def _report(
         row.sigma = math.sqrt(o.side**2 * max(r.covariance[j, 8], 0.0) + friction**2)
         sure = row.sigma <= _SURE * max(math.sqrt(o.torque_square), abs(torque))
         row.settled = 1.0 if r.settled[j] > 0.5 and o.still > _STILL_SAMPLES and sure else 0.0
+        row.rung = row.settled
         return
     o.torque_square += (torque * torque - o.torque_square) / min(_INTERVAL_SAMPLES, 1.0 + o.since_begin / o.interval)
     gradient = room.gradient
@@ -460,7 +489,11 @@ def _report(
             row.covariance[3 * i + k] = row.covariance[3 * k + i] = covariance
     variance = covariance_of(bank, gradient[3], gradient[3]) + o.numeric**2 * o.torque_square + twist_variance
     variance += friction**2 + o.swing**2 + o.swing_rate**2
-    row.sigma = math.sqrt(max(variance, 0.0))
+    if o.known_inertia == 0.0:
+        variance += _out_of_phase(bank, o, room, torque, r.step[j]) ** 2
+    row.sigma = math.sqrt(max(variance, 0.0) * max(o.surprise, 1.0))
     learned = (bank.prior[0] == 0.0 and bank.prior[1] == 0.0) or (o.converged > 0.0 and o.since_release > o.ring)
     sure = row.sigma <= _SURE * math.sqrt(o.torque_square)
-    row.settled = 1.0 if r.settled[j] > 0.5 and o.since_begin > o.ring and learned and sure else 0.0
+    row.rung = 1.0 if r.settled[j] > 0.5 and o.since_begin > o.ring and learned and sure else 0.0
+    calm = o.calm > o.ring and abs(o.load_at - o.calm_begin) > 2.0 * math.pi
+    row.settled = row.rung if calm else 0.0

@@ -151,7 +151,7 @@ class ElasticTorque:
         turn, bend = (each[:, piece] - each[:, piece + 1] for each in (motion.omega, motion.alpha))
         rate = chain.stiffness[piece] * turn + chain.damping[piece] * bend
         sigma = abs(float(factor)) * observed.found["sigma"]
-        return factor * motion.pieces[:, piece], factor * rate, observed.found["settled"] > 0.5, sigma
+        return factor * motion.pieces[:, piece], factor * rate, observed.found["rung"] > 0.5, sigma
 
     def linearised(self, values: Mapping[str, float], names: Collection[str]) -> PredictedTorque:
         """Predict about these values, with new slopes by the named parameters and the last known ones by others."""
