@@ -18,28 +18,91 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from rclpy.node import Node
 from rclpy.task import Future
+from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from textile_twin_core.comparison.fault_watch import SERIES, WatchSettings
-from textile_twin_core.comparison.monitor import Monitor
+from textile_twin_core.comparison.monitor import Monitor, Trend
+from textile_twin_core.comparison.process_force import COLUMNS, ProcessForce
 from textile_twin_core.errors import SceneError, TwinError
 from textile_twin_core.files import machine_document
 from textile_twin_core.twin.restart import RestartWatch
 from textile_twin_ros.diagnostics import ERROR, OK, WARN, DiagnosticsPublisher, Status
-from textile_twin_ros.endpoints import depth_for
+from textile_twin_ros.endpoints import depth_for, samples_qos
 from textile_twin_ros.health import Finding, TurnWatch, sample_counts, with_findings
 from textile_twin_ros.inputs import AngleInput, Sample, TorqueInput
 from textile_twin_ros.machine import load_linkage
+from textile_twin_ros.machine_namespace import FORCE_PEAK, WORK
+from textile_twin_ros.messages import SECOND_NS
 from textile_twin_ros.monitor_records import FaultLog, TrendFolder
 from textile_twin_ros.node_runner import EXECUTORS, call_every, run
+from textile_twin_ros.outputs import PublishQueue
 from textile_twin_ros.parameters import declare, parameter
-from textile_twin_ros.process_topics import ProcessTopics
 from textile_twin_ros.sensor_parameters import SensorParameters
+
+_DEPTH = 1000
+
+
+class ProcessTopics:
+    """Publishes the force of the process; std_msgs/Float64 has no stamp, so each message is a JointState.
+
+    `process/force_peak` has the load's name, its depth as position [m] and its force as effort [N]. `process/work` has
+    the names `work_in` and `work_out` and their work as effort [J]. The stamp is that of the turn's first torque.
+
+    Args:
+        node: publishes.
+        force: of the machine.
+    """
+
+    def __init__(self, node: Node, force: ProcessForce) -> None:
+        self._force = force
+        topics = (FORCE_PEAK, WORK)
+        qos = samples_qos(_DEPTH)
+        self._queues = [PublishQueue(node.create_publisher(JointState, name, qos).publish, _DEPTH) for name in topics]
+        self._latest = dict[str, float]()
+
+    def take(self, trend: Trend) -> None:
+        """Publish the turns of a trend whose force is determined."""
+        columns = [trend.columns[name] for name in COLUMNS]
+        rows = np.stack(columns, axis=1) if columns else np.zeros((0, len(COLUMNS)))
+        for stamp, row in zip(trend.columns["stamp_ns"], rows.tolist(), strict=True):
+            if not all(map(math.isfinite, row)):
+                continue
+            peak, depth, work_in, work_out = row
+            self._queues[0].send(_message(int(stamp), [self._force.place.name], [peak], [depth]))
+            self._queues[1].send(_message(int(stamp), ["work_in", "work_out"], [work_in, work_out]))
+            self._latest = dict(zip(COLUMNS, row, strict=True))
+
+    def retry(self) -> None:
+        """Publish again what the middleware refused."""
+        for queue in self._queues:
+            queue.retry()
+
+    def status(self) -> Status:
+        """Status with the newest turn in words."""
+        if not self._latest:
+            return Status("process", OK, "no turn with a force yet")
+        peak, depth, work_in, work_out = self._latest.values()
+        count = self._force.count
+        each = f", the mean of {count} linkages" if count > 1 else ""
+        text = (
+            f"{self._force.place.name}: at most {peak:.0f} N, {1e3 * depth:.1f} mm deep; work {work_in:.2f} J in,"
+            f" {work_out:.2f} J out{each}"
+        )
+        return Status("process", OK, text, self._latest)
+
+
+def _message(stamp_ns: int, names: list[str], effort: list[float], position: list[float] | None = None) -> JointState:
+    message = JointState(name=names, effort=effort, position=position or [])
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, SECOND_NS)
+    return message
+
 
 _LOOK_S = 1.0
 _RENEW_S = 0.05
