@@ -441,7 +441,8 @@ def _open_friction(chain: ShaftChain, state: ChainState, o: Record, room: Room, 
 def _out_of_phase(bank: DriveBank, o: Record, room: Room, torque: float, dt: float) -> float:
     """Error of the vibrating torque [N m] where the drive's inertia, and with it the natural frequency, is uncertain.
 
-    Two masses on a spring: the frequency is off by half the others' share times that of the drive's inertia.
+    Two masses on a spring: the frequency is off by half the others' share times that of the drive's inertia; the error
+    of a vibration that decays as exp(-d t) is largest at t = 1 / d.
     """
     apart = abs(torque - o.last) / (2.0 * math.sin(0.5 * min(o.natural * dt, math.pi)))
     held = o.vibration * math.exp(-o.decay * dt)
@@ -449,7 +450,7 @@ def _out_of_phase(bank: DriveBank, o: Record, room: Room, torque: float, dt: flo
     o.last = torque
     sigma = math.sqrt(max(covariance_of(bank, room.gradient[4], room.gradient[4]), 0.0)) / o.beta
     own = 1.0 - o.others * o.beta
-    phase = 0.5 * o.others * o.beta / own * sigma * o.natural / max(o.decay, 1e-300)
+    phase = 0.5 * o.others * o.beta / own * sigma * o.natural / max(o.decay, 1e-300) / math.e
     return o.vibration * min(phase, 2.0)
 
 
