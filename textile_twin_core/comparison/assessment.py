@@ -12,7 +12,7 @@ from textile_twin_core.comparison.causes import NOT_THIS_MACHINE, Cause, Quantit
 from textile_twin_core.comparison.elastic_hypothesis import RIGID_NOTE, elastic_cause, elastic_hypothesis
 from textile_twin_core.comparison.elastic_readings import elastic_torque
 from textile_twin_core.comparison.evidence import REST_SHARE, Evidence, Settings
-from textile_twin_core.comparison.force_law import ForceLawCause, explained_by_force_law
+from textile_twin_core.comparison.force_law import ForceLawCause, explained_by_force_law, law_at_once
 from textile_twin_core.comparison.judged import Judged, best_periodic
 from textile_twin_core.comparison.motion_uncertainty import uncertain_ripple
 from textile_twin_core.comparison.range_ends import at_range_ends, range_end_note
@@ -283,8 +283,12 @@ def _posterior(
     ratios: tuple[float, ...],
 ) -> Posterior | None:
     """Infer the posterior of the record; filters of the torque are judged on runs of it."""
-    record = record_of(evidence, speed_controlled, rotor)
-    return infer(record, machine, configured, ratios, record_of(evidence.in_runs(), speed_controlled, rotor))
+
+    def by_law(unsearched: Posterior) -> Posterior | None:
+        return law_at_once(Judged(evidence, unsearched, 1.0, _encoder_turn(machine), unsearched.explained, 0.0), machine)
+
+    record, runs = (record_of(each, speed_controlled, rotor) for each in (evidence, evidence.in_runs()))
+    return infer(record, machine, configured, ratios, runs, by_law)
 
 
 def record_of(

@@ -12,9 +12,11 @@ from textile_twin_core.comparison.judged import Judged, best_periodic
 from textile_twin_core.dynamics.loads.force_curve import POSITION
 from textile_twin_core.inference.evidence import QuadraticEvidence
 from textile_twin_core.inference.force_law import (
+    CurvedTorque,
     CurvePosterior,
     LearnedCurve,
     curve_and,
+    learned,
     likely_curve,
     load_name,
     measure_of,
@@ -35,6 +37,9 @@ _SCALE = 0.02
 """Relative standard deviation of the whole curve from which its scale counts as not determined."""
 _TIED = 0.9
 """Correlation of the gain with that scale above which the two are not distinguishable."""
+_BETTER, _WHITE = 0.5, 1.5
+"""Unexplained share of a law's first fit, over that of all departures together, and inflation of its last, that need no
+search for departures."""
 _LOG_ODDS = math.log(0.05)
 """Odds that a load's force depends on its measure: most do, and most hardly differ from a constant one."""
 
@@ -64,6 +69,8 @@ def explained_by_force_law(found: Judged, machine: Machine) -> ForceLawCause | N
     scale of the residual. None if the file explains the record, or if no law does.
     """
     p = found.posterior
+    if isinstance(p.measurement.model, CurvedTorque):
+        return _cause(found, learned(p), machine)
     if machine.shaft is not None or (found.unexplained < _TRIED and p.prior_cost <= IMPLAUSIBLE_NATS):
         return None
     if found.unexplained > NOT_THIS_MACHINE and best_periodic(found) < _PERIODIC:
@@ -83,6 +90,40 @@ def explained_by_force_law(found: Judged, machine: Machine) -> ForceLawCause | N
     judged = replace(found, posterior=posterior, explained=posterior.explained)
     if judged.unexplained > _LEFT or posterior.prior_cost > IMPLAUSIBLE_NATS:
         return None
+    return _cause(judged, curve, machine)
+
+
+def law_at_once(unsearched: Judged, machine: Machine) -> Posterior | None:
+    """Return the posterior of a force law where no departures from the file explain the record.
+
+    The law must be likelier than the fit of all departures together, and leave noise alone: filters of the torque
+    sensor are not searched beside it.
+
+    Args:
+        unsearched: the record, judged with all departures together. machine: of the file.
+    """
+    p = unsearched.posterior
+    if machine.shaft is not None or p.measurement.record.block_s or not _names(machine):
+        return None
+    if unsearched.unexplained < _TRIED:
+        return None
+    least = max(_AT_FIRST, 1.0 - _BETTER * (1.0 - p.explained))
+    for name in _names(machine):
+        place, rest = place_of(machine, name)
+        law = likely_curve(p, rest, place, least)
+        if law is None:
+            continue
+        q, fit = law.posterior, law.posterior.fit
+        m = p.measurement.on(q.measurement.record)
+        bound = map_fit(m, p.hypothesis, p.fit.x, m.names, inflation=fit.inflation, scale=fit.scale)
+        likelier = q.log_evidence + _LOG_ODDS > bound.log_likelihood
+        judged = replace(unsearched, posterior=q, explained=q.explained)
+        if likelier and fit.inflation < _WHITE and q.prior_cost <= IMPLAUSIBLE_NATS and judged.unexplained < _TRIED:
+            return q
+    return None
+
+
+def _cause(judged: Judged, curve: LearnedCurve, machine: Machine) -> ForceLawCause:
     return ForceLawCause(judged, curve, key_of(curve, machine), _text(curve, machine))
 
 

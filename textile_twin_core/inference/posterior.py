@@ -9,7 +9,7 @@ tests/comparison/test_verdict.py compares with mistakes of known size.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -150,6 +150,7 @@ def infer(
     configured: Hypothesis,
     ratios: tuple[float, ...] = RATIOS,
     dense: Record | None = None,
+    instead: Callable[[Posterior], Posterior | None] | None = None,
 ) -> Posterior | None:
     """Infer sensors, machine and departures from the file from one record.
 
@@ -159,13 +160,20 @@ def infer(
         configured: sensor settings of the file.
         ratios: gear ratios to try, beside the configured one; the default has those of small whole numbers.
         dense: samples of the same recording in runs short enough to filter the torque over time; None: the record.
+        instead: posterior of another model that makes the search needless, or None. It is asked with the fit of all
+            parameters under the likeliest hypothesis, which no set of its departures surpasses.
 
     Returns:
         The posterior, or None when no hypothesis gives a fit.
     """
     measurement = measurement_of(record, machine, configured)
     dense_measurement = measurement if dense is None else measurement.on(dense)
-    found = _inferred(measurement, configured, ratios)
+    fits = hypotheses(measurement, configured, ratios)
+    if instead is not None and fits:
+        other = instead(_unsearched(measurement, configured, fits))
+        if other is not None:
+            return other
+    found = _searched(measurement, configured, fits)
     if not measurement.model.depends_on_angle() or record.predicted is not None:
         return found  # means over whole turns show no filter; beside an elastic shaft none is searched
     if found is not None and found.fit.rms < abs(found.hypothesis.gain) * measurement.uncertain_Nm:
@@ -189,9 +197,11 @@ def _differs(found: Posterior) -> bool:
     return (found.hypothesis.turn, found.hypothesis.gain) != (found.configured.turn, found.configured.gain)
 
 
-def _inferred(measurement: Measurement, configured: Hypothesis, ratios: tuple[float, ...]) -> Posterior | None:
-    """Infer the posterior with the filters of the configured hypothesis."""
-    return _searched(measurement, configured, hypotheses(measurement, configured, ratios))
+def _unsearched(measurement: Measurement, configured: Hypothesis, fits: list[Fit]) -> Posterior:
+    """Fit all parameters with the priors of departures under the likeliest hypothesis."""
+    fit = map_fit(measurement, fits[0].hypothesis, fits[0].x, measurement.names)
+    choice = Choice(frozenset(measurement.names), fit.log_likelihood, ())
+    return Posterior(measurement, configured, fit, choice, fit.log_likelihood, tuple(fits[1:]))
 
 
 def _searched(measurement: Measurement, configured: Hypothesis, fits: list[Fit]) -> Posterior | None:
