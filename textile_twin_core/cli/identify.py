@@ -22,7 +22,7 @@ from textile_twin_core.comparison.elastic_readings import without_elasticity
 from textile_twin_core.comparison.file_numbers import FileNumbers, identify_numbers
 from textile_twin_core.comparison.shaft_identification import ShaftIdentification, identify_shaft
 from textile_twin_core.files import save_machine_file
-from textile_twin_core.inference.force_law import place_of
+from textile_twin_core.inference.curved_torque import place_of
 from textile_twin_core.machine import Machine
 from textile_twin_core.recordings.prediction import recompute
 

@@ -12,7 +12,7 @@ from textile_twin_core.comparison.causes import NOT_THIS_MACHINE, Cause, Quantit
 from textile_twin_core.comparison.elastic_hypothesis import RIGID_NOTE, elastic_cause, elastic_hypothesis
 from textile_twin_core.comparison.elastic_readings import elastic_torque
 from textile_twin_core.comparison.evidence import REST_SHARE, Evidence, Settings
-from textile_twin_core.comparison.force_law import ForceLawCause, explained_by_force_law, law_at_once
+from textile_twin_core.comparison.force_law import ForceLawCause, ForceLaws, cause_of
 from textile_twin_core.comparison.judged import Judged, best_periodic
 from textile_twin_core.comparison.motion_uncertainty import uncertain_ripple
 from textile_twin_core.comparison.range_ends import at_range_ends, range_end_note
@@ -168,9 +168,7 @@ def _assess(readings: Readings, machine: Machine, track: ShaftTrack | None, begi
         unit, found = _other_unit(readings, machine, terms, (unit, found))
     if found is None:
         return Assessment(unit, None, (), ("no setting of encoder and torque sensor gives any accord",))
-    law = explained_by_force_law(found, machine)
-    if law is not None:
-        found = law.judged
+    law = cause_of(found, machine)
     evidence = found.evidence
     speed = found.posterior.hypothesis.turn * evidence.working_speed()
     per_turn = samples_per_turn(readings.angle_stamps_ns, speed)
@@ -282,13 +280,11 @@ def _posterior(
     configured: Hypothesis,
     ratios: tuple[float, ...],
 ) -> Posterior | None:
-    """Infer the posterior of the record; filters of the torque are judged on runs of it."""
-
-    def by_law(unsearched: Posterior) -> Posterior | None:
-        return law_at_once(Judged(evidence, unsearched, 1.0, _encoder_turn(machine), unsearched.explained, 0.0), machine)
-
+    """Infer the posterior of the record, of departures or of a force law; filters are judged on runs of it."""
     record, runs = (record_of(each, speed_controlled, rotor) for each in (evidence, evidence.in_runs()))
-    return infer(record, machine, configured, ratios, runs, by_law)
+    laws = ForceLaws(evidence, machine, _encoder_turn(machine))
+    found = infer(record, machine, configured, ratios, runs, laws.at_once)
+    return None if found is None else laws.likelier(found)
 
 
 def record_of(

@@ -8,27 +8,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from textile_twin_core.comparison.causes import NOT_THIS_MACHINE
+from textile_twin_core.comparison.evidence import Evidence
 from textile_twin_core.comparison.judged import Judged, best_periodic
 from textile_twin_core.dynamics.loads.force_curve import POSITION
+from textile_twin_core.inference.curved_torque import CurvedTorque, load_name, measure_of, place_of
 from textile_twin_core.inference.evidence import QuadraticEvidence
-from textile_twin_core.inference.force_law import (
-    CurvedTorque,
-    CurvePosterior,
-    LearnedCurve,
-    curve_and,
-    learned,
-    likely_curve,
-    load_name,
-    measure_of,
-    place_of,
-)
+from textile_twin_core.inference.force_law import SENSORS as LAW_SENSORS
+from textile_twin_core.inference.force_law import CurvePosterior, LearnedCurve, curve_and, learned, likely_curve
 from textile_twin_core.inference.map_fit import Fit, map_fit
+from textile_twin_core.inference.measurement import Hypothesis
 from textile_twin_core.inference.parameter import GAIN
 from textile_twin_core.inference.posterior import IMPLAUSIBLE_NATS, Posterior
 from textile_twin_core.machine import Machine
 
 _TRIED = 0.002
 """Share of the torque's variance, unexplained by constant forces, from which a law over the measure is tried."""
+_BOUND = 2
+"""Iterations of the fit of all departures together at the scale of a law's residual."""
 _LEFT, _AT_FIRST = 0.02, 0.9
 """Share that the law may leave unexplained, and share that its first fit must explain."""
 _PERIODIC = 0.8
@@ -46,9 +42,8 @@ _LOG_ODDS = math.log(0.05)
 
 @dataclass(frozen=True)
 class ForceLawCause:
-    """A record explained by a force law: judged with it, the law, its name in the results, and the words."""
+    """A force law that explains a record, its name in the results, and the words."""
 
-    judged: Judged
     curve: LearnedCurve
     key: str
     text: str
@@ -62,69 +57,82 @@ class ForceLawCause:
         return float(force[k]), float(sigma[k])
 
 
-def explained_by_force_law(found: Judged, machine: Machine) -> ForceLawCause | None:
-    """Explain a record by a force over a measure of the machine, where the forces of its file leave something.
+class ForceLaws:
+    """Forces over the measures of a machine that compete with departures from its file to explain a record.
 
-    The law replaces a declared load, or is a new one on a measure without a load. It competes by evidence, at one
-    scale of the residual. None if the file explains the record, or if no law does.
-    """
-    p = found.posterior
-    if isinstance(p.measurement.model, CurvedTorque):
-        return _cause(found, learned(p), machine)
-    if machine.shaft is not None or (found.unexplained < _TRIED and p.prior_cost <= IMPLAUSIBLE_NATS):
-        return None
-    if found.unexplained > NOT_THIS_MACHINE and best_periodic(found) < _PERIODIC:
-        return None
-    best: tuple[float, CurvePosterior] | None = None
-    for name in _names(machine):
-        place, rest = place_of(machine, name)
-        law = likely_curve(p, rest, place, max(_AT_FIRST, p.explained))
-        if law is None:
-            continue
-        gain = _gain(p, law)
-        if gain + _LOG_ODDS > 0.0 and (best is None or gain > best[0]):
-            best = gain, law
-    if best is None:
-        return None
-    posterior, curve = best[1].posterior, best[1].curve
-    judged = replace(found, posterior=posterior, explained=posterior.explained)
-    if judged.unexplained > _LEFT or posterior.prior_cost > IMPLAUSIBLE_NATS:
-        return None
-    return _cause(judged, curve, machine)
-
-
-def law_at_once(unsearched: Judged, machine: Machine) -> Posterior | None:
-    """Return the posterior of a force law where no departures from the file explain the record.
-
-    The law must be likelier than the fit of all departures together, and leave noise alone: filters of the torque
-    sensor are not searched beside it.
+    A law replaces a declared load, or is a new one on a measure without a load.
 
     Args:
-        unsearched: the record, judged with all departures together. machine: of the file.
+        evidence: the record. machine: of the file. encoder_turn_rad: shaft angle of a turn of the encoder.
     """
-    p = unsearched.posterior
-    if machine.shaft is not None or p.measurement.record.block_s or not _names(machine):
+
+    def __init__(self, evidence: Evidence, machine: Machine, encoder_turn_rad: float) -> None:
+        self._evidence, self._machine, self._turn_rad = evidence, machine, encoder_turn_rad
+        self._learned: dict[tuple[str, Hypothesis], CurvePosterior | None] = {}
+
+    def at_once(self, unsearched: Posterior) -> Posterior | Fit | None:
+        """Return the posterior of a law that makes the search for departures needless.
+
+        The law must be likelier than all departures together, about its sensors too, and leave noise alone: filters of
+        the torque sensor are not searched beside it. Where departures about its sensors are likelier, return their fit.
+
+        Args:
+            unsearched: fit of all departures together.
+        """
+        if unsearched.measurement.record.block_s:
+            return None
+        for law in self._learn(unsearched, 1.0 - _BETTER * (1.0 - unsearched.explained)):
+            p, fit = law.posterior, law.posterior.fit
+            m = unsearched.measurement.on(p.measurement.record)
+            x = m.nominal.copy()
+            for name in LAW_SENSORS & set(m.names):
+                x[m.place[name]] = p.value(name)
+            scaled = {"inflation": fit.inflation, "scale": fit.scale}
+            bound = map_fit(m, unsearched.hypothesis, unsearched.fit.x, m.names, iterations=_BOUND, **scaled)
+            nested = map_fit(m, p.hypothesis, x, m.names, **scaled)
+            if p.log_evidence + _LOG_ODDS < nested.log_likelihood:
+                return nested
+            likelier = p.log_evidence + _LOG_ODDS > bound.log_likelihood
+            if likelier and fit.inflation < _WHITE and self._holds(p, _TRIED):
+                return p
         return None
-    if unsearched.unexplained < _TRIED:
-        return None
-    least = max(_AT_FIRST, 1.0 - _BETTER * (1.0 - p.explained))
-    for name in _names(machine):
-        place, rest = place_of(machine, name)
-        law = likely_curve(p, rest, place, least)
-        if law is None:
-            continue
-        q, fit = law.posterior, law.posterior.fit
-        m = p.measurement.on(q.measurement.record)
-        bound = map_fit(m, p.hypothesis, p.fit.x, m.names, inflation=fit.inflation, scale=fit.scale)
-        likelier = q.log_evidence + _LOG_ODDS > bound.log_likelihood
-        judged = replace(unsearched, posterior=q, explained=q.explained)
-        if likelier and fit.inflation < _WHITE and q.prior_cost <= IMPLAUSIBLE_NATS and judged.unexplained < _TRIED:
-            return q
-    return None
+
+    def likelier(self, found: Posterior) -> Posterior:
+        """Return the posterior of the likeliest law that explains the record better than a posterior without one."""
+        if isinstance(found.measurement.model, CurvedTorque):
+            return found
+        gains = [(_gain(found, law), law.posterior) for law in self._learn(found, found.explained)]
+        gain, law = max(gains, key=lambda each: each[0], default=(-math.inf, found))
+        return law if gain + _LOG_ODDS > 0.0 and self._holds(law, _LEFT) else found
+
+    def _learn(self, p: Posterior, least: float) -> list[CurvePosterior]:
+        """Learn the laws whose first fit explains a least share; none where the posterior explains the record."""
+        machine, judged = self._machine, self._judged(p)
+        if machine.shaft is not None or (judged.unexplained < _TRIED and p.prior_cost <= IMPLAUSIBLE_NATS):
+            return []
+        if judged.unexplained > NOT_THIS_MACHINE and best_periodic(judged) < _PERIODIC:
+            return []
+        for name in _names(machine):
+            if (name, p.hypothesis) not in self._learned:
+                place, rest = place_of(machine, name)
+                self._learned[name, p.hypothesis] = likely_curve(p, rest, place, max(_AT_FIRST, least))
+        laws = (self._learned[name, p.hypothesis] for name in _names(machine))
+        return [law for law in laws if law is not None]
+
+    def _judged(self, p: Posterior) -> Judged:
+        return Judged(self._evidence, p, 1.0, self._turn_rad, p.explained, 0.0)
+
+    def _holds(self, p: Posterior, most: float) -> bool:
+        """Return whether a posterior is plausible and leaves at most a share of the torque unexplained."""
+        return p.prior_cost <= IMPLAUSIBLE_NATS and self._judged(p).unexplained <= most
 
 
-def _cause(judged: Judged, curve: LearnedCurve, machine: Machine) -> ForceLawCause:
-    return ForceLawCause(judged, curve, key_of(curve, machine), _text(curve, machine))
+def cause_of(judged: Judged, machine: Machine) -> ForceLawCause | None:
+    """Return the force law of a judged record as a cause; None without one."""
+    if not isinstance(judged.posterior.measurement.model, CurvedTorque):
+        return None
+    curve = learned(judged.posterior)
+    return ForceLawCause(curve, key_of(curve, machine), _text(curve, machine))
 
 
 def _names(machine: Machine) -> list[str]:

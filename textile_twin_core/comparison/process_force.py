@@ -12,7 +12,7 @@ from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.comparison.shaft_track import TURN
 from textile_twin_core.dynamics.loads import ForceCurve, Load
 from textile_twin_core.dynamics.loads.force_curve import POSITION
-from textile_twin_core.inference.force_law import load_name, measure_of, measured, place_of
+from textile_twin_core.inference.curved_torque import load_name, measure_of, measured, place_of
 from textile_twin_core.machine import Machine
 from textile_twin_core.twin import compile_rigid
 

@@ -84,6 +84,7 @@ def analyse(design: Design) -> Analysis:
         clashes(machine, points, theta),
         tuple((*j.origin_m, *j.axis) for j in machine.joints if j.kind == "prismatic" and j.parent_link == BASE),
         tuple(notes),
+        {name: curve[0] for name, curve in curves.items()},
     )
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+from textile_twin_core.dynamics.loads import ForceCurve
 from textile_twin_core.errors import SceneError
-from textile_twin_core.machine import AnyMachine
+from textile_twin_core.machine import AnyMachine, Machine
 from textile_twin_core.machine.sizes import check_size
 from textile_twin_core.papers.beatup import WITHIN_M
 from textile_twin_core.synthesis import Family, family_of
@@ -25,12 +26,14 @@ class Design:
         speed_rad_s: Speed of the shaft [rad/s].
         values: Parameters that differ from those of the family, by name.
         dwell_within_m: Distance from the rear point that counts as dwell [m]; None for 5 % of the stroke.
+        declared: Family before its force curves were changed; None while they are as declared.
     """
 
     family: Family
     speed_rad_s: float
     values: Mapping[str, float] = field(default_factory=dict)
     dwell_within_m: float | None = None
+    declared: Family | None = None
 
     @classmethod
     def of(cls, machine: AnyMachine) -> Design:
@@ -39,7 +42,8 @@ class Design:
 
     def fresh(self) -> Design:
         """Return the design as declared, without changes."""
-        return Design(self.family, self.family.base.nominal_speed_rad_s, {}, _own_dwell(self.family.base))
+        family = self.declared or self.family
+        return Design(family, family.base.nominal_speed_rad_s, {}, _own_dwell(family.base))
 
     @property
     def has_speed(self) -> bool:
@@ -73,6 +77,31 @@ class Design:
             check_number(value, name)
         return replace(self, values={**self.values, **{name: float(v) for name, v in values.items()}})
 
+    @property
+    def curves(self) -> tuple[ForceCurve, ...]:
+        """Force curves of the machine."""
+        return force_curves(self.family)
+
+    def with_curve(self, name: str, in_N: Sequence[float], out_N: Sequence[float] | None) -> Design:
+        """Return the design with other forces at the knots of a force curve.
+
+        Raises:
+            SceneError: There is no such curve, or a value is not a number.
+            MachineError: The values do not fit the knots.
+        """
+        base = self.family.base
+        if name not in (curve.name for curve in self.curves):
+            raise SceneError(f"machine '{self.family.name}' has no force curve '{name}'")
+        assert isinstance(base, Machine)
+        for value in (*in_N, *(out_N or ())):
+            check_number(value, f"force of {name}")
+        ways = tuple(map(float, in_N)), None if out_N is None else tuple(map(float, out_N))
+        loads = tuple(
+            replace(load, in_N=ways[0], out_N=ways[1]) if isinstance(load, ForceCurve) and load.name == name else load
+            for load in base.loads
+        )
+        return replace(self, family=DeclaredFamily(replace(base, loads=loads)), declared=self.declared or self.family)
+
     def at_speed(self, speed_rad_s: float) -> Design:
         """Return the design at another shaft speed.
 
@@ -95,6 +124,12 @@ class Design:
             if not within_m > 0.0:
                 raise SceneError("dwell within: must be a positive length")
         return replace(self, dwell_within_m=within_m)
+
+
+def force_curves(family: Family) -> tuple[ForceCurve, ...]:
+    """List the force curves of a family's machine."""
+    loads = family.base.loads if isinstance(family.base, Machine) else ()
+    return tuple(load for load in loads if isinstance(load, ForceCurve))
 
 
 def _own_dwell(machine: AnyMachine) -> float | None:

@@ -10,10 +10,15 @@ from typing import Any
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.explore.design import Design
+from textile_twin_core.dynamics.loads import ForceCurve
+from textile_twin_core.dynamics.loads.force_curve import POSITION
+from textile_twin_core.explore.design import Design, force_curves
 from textile_twin_core.explore.labels import PRINTED, label, shown_unit
 from textile_twin_core.explore.search import LimitTally, SearchProgress, Task
 from textile_twin_core.explore.shown import Analysis
+
+_CORNERS = 9
+"""Corners of the line of a cubic piece."""
 
 
 class Arrays:
@@ -102,6 +107,49 @@ def design_head(design: Design) -> dict[str, Any]:
         "dwell_mm": None if design.dwell_within_m is None else 1e3 * design.dwell_within_m,
         "parameters": parameters,
     }
+
+
+def curve_heads(design: Design, analysis: Analysis, arrays: Arrays) -> list[dict[str, Any]]:
+    """Describe the force curves of a design: knots [mm or deg], forces, their lines, and the measure over the turn."""
+    declared = {curve.name: curve for curve in force_curves(design.declared or design.family)}
+    heads = []
+    for curve in design.curves:
+        position = analysis.positions_m.get(curve.measure.removesuffix(POSITION))
+        unit, factor = shown_unit("rad" if curve.unit == "N m" else "m")
+        ways = {"in": curve.in_N} | ({} if curve.out_N is None else {"out": curve.out_N})
+        base = declared[curve.name]
+        heads.append(
+            {
+                "name": curve.name,
+                "measure": curve.measure.rsplit("_", 1)[0].replace("_", " "),
+                "unit": curve.unit,
+                "knots_unit": unit,
+                "knots": [factor * knot for knot in curve.knots],
+                "ways": ways,
+                "base": {"in": base.in_N, "out": base.out_N},
+                "lines": {way: _line(curve, way == "in", factor) for way in ways},
+                "place": None if position is None else arrays.add(factor * position),
+                "work_J": None if position is None else _work_J(curve, position, design.speed_rad_s),
+            }
+        )
+    return heads
+
+
+def _line(curve: ForceCurve, growing: bool, factor: float) -> list[list[float]]:
+    """Return the corners [place, force] of a curve."""
+    corners = []
+    for piece in curve.pieces(growing):
+        for place in np.linspace(piece.lower, piece.upper, 2 if len(piece.coefficients) <= 2 else _CORNERS).tolist():
+            force = float(np.polynomial.polynomial.polyval(place - piece.lower, piece.coefficients))
+            corners.append([factor * place, force])
+    return corners
+
+
+def _work_J(curve: ForceCurve, position: FloatArray, speed_rad_s: float) -> list[float]:
+    """Return the work of a turn against a curve, while its measure grows and while it shrinks [J]."""
+    low, high = float(position.min()), float(position.max())
+    share = (speed_rad_s / curve.at_speed_rad_s) ** curve.speed_power if curve.at_speed_rad_s else 1.0
+    return [share * curve.work_J(low, high, growing) for growing in (True, False)]
 
 
 def printed_of(design: Design) -> dict[str, str]:

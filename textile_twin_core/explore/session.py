@@ -21,7 +21,14 @@ from textile_twin_core.explore.first_look import NotYetCompiledError, await_firs
 from textile_twin_core.explore.history import History
 from textile_twin_core.explore.labels import label, shown_unit
 from textile_twin_core.explore.overlay import Overlay
-from textile_twin_core.explore.packing import Arrays, analysis_head, design_head, printed_of, progress_message
+from textile_twin_core.explore.packing import (
+    Arrays,
+    analysis_head,
+    curve_heads,
+    design_head,
+    printed_of,
+    progress_message,
+)
 from textile_twin_core.explore.search import FrontDesign, Goal, OneByOne, Task, many_designs, search
 from textile_twin_core.explore.shown import Analysis
 from textile_twin_core.machine import ContactMachine
@@ -95,6 +102,7 @@ class PageSession:
         }
         try:
             head["analysis"] = analysis_head(self.analysis(), arrays, printed_of(self.design))
+            head["curves"] = curve_heads(self.design, self.analysis(), arrays)
         except NotYetCompiledError as wait:
             head["compiling_s"] = time.monotonic() - wait.begun
         except TwinError as error:
@@ -144,6 +152,14 @@ class PageSession:
             check_number(value, name)
             values[str(name)] = value / factors.get(name, 1.0)
         self._history.put(self.design.changed(values), message.get("gesture"))
+        return self.state()
+
+    def _curve(self, message: Message) -> bytes:
+        ways = message.get("ways")
+        if not isinstance(ways, dict) or not all(isinstance(way, list) for way in ways.values()) or "in" not in ways:
+            raise SceneError("ways: must be an object with the forces 'in', and 'out' where they differ, as lists")
+        design = self.design.with_curve(str(message.get("name")), ways["in"], ways.get("out"))
+        self._history.put(design, message.get("gesture"))
         return self.state()
 
     def _speed(self, message: Message) -> bytes:
@@ -387,6 +403,7 @@ def _small_step(unit: str, value: float) -> tuple[float, str]:
 _ACTS: dict[str, Callable[[PageSession, Message], bytes]] = {
     "hello": PageSession._hello,
     "change": PageSession._change,
+    "curve": PageSession._curve,
     "speed": PageSession._speed,
     "dwell": PageSession._dwell,
     "undo": PageSession._undo,

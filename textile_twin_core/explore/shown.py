@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from textile_twin_core.arrays import FloatArray
@@ -50,7 +51,7 @@ class Bar:
 
 @dataclass(frozen=True)
 class Analysis:
-    """Analysis of one design over one turn of (n,) angles."""
+    """Analysis of one design over one turn of (n,) angles; `positions_m` by name of the measure."""
 
     theta_rad: FloatArray
     points: dict[str, tuple[FloatArray, FloatArray]]
@@ -63,3 +64,4 @@ class Analysis:
     clashes: tuple[Clash, ...] = ()
     guides: tuple[tuple[float, float, float, float], ...] = ()
     notes: tuple[str, ...] = field(default=())
+    positions_m: Mapping[str, FloatArray] = field(default_factory=dict)

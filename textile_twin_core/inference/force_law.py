@@ -12,21 +12,17 @@ References:
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Final, Literal
 
 import numpy as np
-from scipy.special import ndtr
 
-from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
-from textile_twin_core.dynamics.loads import Backing, ForceCurve, Load
-from textile_twin_core.dynamics.loads.force_curve import POSITION
-from textile_twin_core.errors import MachineError
-from textile_twin_core.expression import interpret
+from textile_twin_core.arrays import BoolArray, FloatArray
+from textile_twin_core.dynamics.loads import ForceCurve
+from textile_twin_core.inference.curved_torque import EDGES, FEWEST_KNOTS, CurvedTorque, Place, measured, measured_range
 from textile_twin_core.inference.evidence import Choice, Departures, QuadraticEvidence, choose, is_one
-from textile_twin_core.inference.map_fit import Fit, fit_with_prior_update, map_fit
+from textile_twin_core.inference.map_fit import Fit, fit_with_prior_update, map_fit, prior_variance
 from textile_twin_core.inference.measurement import Hypothesis, Measurement
 from textile_twin_core.inference.parameter import (
     COULOMB,
@@ -42,14 +38,9 @@ from textile_twin_core.inference.parameter import (
 from textile_twin_core.inference.posterior import Posterior
 from textile_twin_core.inference.priors import WorkingPoint, parameters
 from textile_twin_core.inference.record import Record
-from textile_twin_core.inference.torque_model import TabulatedTorque, Torque
 from textile_twin_core.machine import Machine
-from textile_twin_core.machine.slots import Slot
 
-EDGES: Final = ("curve.entry_m", "curve.exit_m")
-"""Places where the force sets in and ends, on the way in and on the way out."""
-_NODES: Final = 8192
-_MOST_KNOTS, _FEWEST_KNOTS, _SAMPLES_A_KNOT = 28, 8, 25
+_MOST_KNOTS, _SAMPLES_A_KNOT = 28, 25
 _SIZES: Final = (0.03, 0.1, 0.3, 1.0, 3.0)
 """Standard deviations of the force about its mean, over the usual force, that the evidence compares."""
 _LENGTHS: Final = (0.08, 0.15, 0.3, 0.6, 1.2)
@@ -62,10 +53,12 @@ _MEAN, _JITTER = 3.0, 1e-4
 """Standard deviation of the mean force, and smallest independent part, over the usual force."""
 _EDGE_M: Final = 5e-4
 """Standard deviation of the place of an edge: cloth is thicker here than there [m]."""
-_COARSE_RAD, _FINE_RAD = 0.03, 0.006
-"""Shaft angle over which the model smears an edge, in the first fits and in the last."""
-_BEGINS: Final = (0.05, 0.1, 0.2, 0.4, 0.999)
+_FINE_RAD: Final = 0.006
+"""Shaft angle over which the model smears an edge in the last fits."""
+_BEGINS: Final = (0.05, 0.1, 0.2, 0.4)
 """Shares of the measure's stroke before its largest value within which a force without a declared edge may act."""
+_WHOLE: Final = (0.999,)
+"""Share of a force that is asked for by name: in and out over the whole stroke it explains any torque by angle."""
 _OTHER_SPEED_NATS: Final = 6.0
 """Log evidence by which a force that grows with the speed must be likelier."""
 _WORKING, _VARIES = 0.3, 0.2
@@ -76,29 +69,17 @@ _FIRST: Final = (0.3, 0.15)
 """Size and length of the first fits."""
 _MISSED: Final = 0.005
 """Miss of a straight line between two knots, over the peak, above which there are twice as many."""
-_TURN: Final = 2.0 * math.pi
 _ROUNDS, _SETTLING, _REFINED = 4, 2, 1
+_ITERATIONS, _LAST = 15, 3
+"""Most iterations of a fit, and of those of all samples from that of a part of them on."""
 _EXPLAINED: Final = 0.98
 """Share of the torque that a first fit explains which needs no other start."""
-_WORKING_SAMPLES: Final = 6000
+_WORKING_SAMPLES: Final = 3000
 """Samples of all fits but the last."""
-_BENT: Final = 8.0
-"""Second difference of the forces over the miss of a straight line between their knots, of a smooth law."""
-_SENSORS: Final = (ZERO, DELAY, GAIN, OFFSET, COULOMB, VISCOUS)
+SENSORS: Final = frozenset((ZERO, DELAY, GAIN, OFFSET, COULOMB, VISCOUS))
+"""Parameters that every law is fitted with."""
 _DETERMINED: Final = 0.1
 """Standard deviation over the curve's peak above which a knot counts as not determined."""
-
-
-@dataclass(frozen=True)
-class Place:
-    """Where a force law acts: measure, first and last value [m], and whether the force may step at the first."""
-
-    name: str
-    measure: str
-    begin: float
-    end: float
-    edge: bool
-    size_N: float
 
 
 @dataclass(frozen=True)
@@ -166,182 +147,6 @@ class CurvePosterior:
     curve: LearnedCurve
 
 
-def place_of(machine: Machine, name: str) -> tuple[Place, Machine]:
-    """Find where a force law is asked for, and return the machine without the load that it replaces.
-
-    Args:
-        machine: the machine.
-        name: a load with a measure (`loads.backing`, `backing`, the name of a force curve), or the position of a
-            measure (`sley_position_m`).
-
-    Raises:
-        MachineError: for a name that is neither.
-    """
-    asked = name.removeprefix("loads.").removesuffix(".force_N")
-    for k, load in enumerate(machine.loads):
-        own = load_name(load)
-        measure = measure_of(load)
-        if measure and asked in (own, measure):
-            rest = replace(machine, loads=machine.loads[:k] + machine.loads[k + 1 :])
-            return _declared(machine, load, own, measure), rest
-    measures = [f"{each.name}{POSITION}" for each in machine.measures]
-    asked = f"{asked}{POSITION}" if f"{asked}{POSITION}" in measures else asked
-    if asked in measures:
-        low, high = measured_range(machine, asked)
-        return Place(asked.removesuffix(POSITION), asked, low, high, False, 0.0), machine
-    there = [*(load_name(load) for load in machine.loads if measure_of(load)), *measures]
-    raise MachineError(f"no load or measure '{name}' to learn a force of; available: {', '.join(there) or 'none'}")
-
-
-def load_name(load: Load) -> str:
-    """Return the name of a load, as in the paths of its numbers."""
-    return str(getattr(load, "name", type(load).__name__.lower()))
-
-
-def measure_of(load: Load) -> str:
-    """Return the position over which a load acts, empty for other loads."""
-    if isinstance(load, Backing):
-        return f"{load.on}{POSITION}"
-    return load.measure if isinstance(load, ForceCurve) and load.measure.endswith(POSITION) else ""
-
-
-def _declared(machine: Machine, load: Load, name: str, measure: str) -> Place:
-    low, high = measured_range(machine, measure)
-    if isinstance(load, Backing):
-        begin, edge, size = load.entry_plane_m, True, load.force_N
-    else:
-        assert isinstance(load, ForceCurve)
-        forces = (*load.in_N, *(load.out_N or ()))
-        begin, size = load.knots[0], max(abs(each) for each in forces)
-        edge = bool(load.in_N[0] or (load.out_N or (0.0,))[0])
-    if not low <= begin < high:
-        raise MachineError(
-            f"load '{name}': {measure} reaches from {low:.5g} to {high:.5g} m and never {begin:.5g}, where it begins"
-        )
-    return Place(name, measure, begin, high, edge, size)
-
-
-def measured_range(machine: Machine, measure: str) -> tuple[float, float]:
-    """Compute the smallest and largest position of a measure over the turn."""
-    position, _ = measured(machine, measure, 0.0, _NODES)
-    return float(position.min()), float(position.max())
-
-
-def measured(machine: Machine, measure: str, phase_rad: float, nodes: int) -> tuple[FloatArray, FloatArray]:
-    """Compute position and its slope (nodes,) over the turn of a linkage, from its angle 0 plus the phase on."""
-    declared = next(each for each in machine.measures if f"{each.name}{POSITION}" == measure)
-    moved = declared.displacement(machine.linkage.solved)
-    theta = machine.shaft_angles(nodes) + phase_rad
-    values = interpret([moved.position, moved.first], {"theta": theta}, np)
-    return tuple(np.broadcast_to(np.asarray(v, np.float64), theta.shape) for v in values)  # type: ignore[return-value]
-
-
-class CurvedTorque(TabulatedTorque):
-    """Torque of a machine with a force law, whose coefficients are further parameters.
-
-    Args:
-        machine: without the load that the law replaces. known, slots: its parameters.
-        place: of the law. speed_rad_s: shaft speed at which the forces hold.
-    """
-
-    coarse_rad = _COARSE_RAD
-
-    def __init__(
-        self,
-        machine: Machine,
-        known: Sequence[ModelParameter],
-        slots: Mapping[str, Slot],
-        place: Place,
-        speed_rad_s: float,
-    ) -> None:
-        super().__init__(machine, known, slots)
-        self.place, self.speed_rad_s = place, abs(speed_rad_s)
-        self.power: Literal[0, 1, 2] = 0
-        self.spread_rad = _COARSE_RAD
-        counts = Counter(each.phase_rad for each in machine.linkages)
-        self._moved = [(count, *measured(machine, place.measure, phase, _NODES)) for phase, count in counts.items()]
-        self.steepest = float(np.max(np.abs(self._moved[0][2])))
-        self.use(np.linspace(place.begin, place.end, _FEWEST_KNOTS), np.eye(2 * _FEWEST_KNOTS))
-
-    def use(self, knots: FloatArray, root: FloatArray) -> None:
-        """Take other knots (k,) and another root (free, free) of the prior's covariance."""
-        k = knots.size
-        eye = np.eye(k)[:, 0 if self.place.edge else 1 :]
-        zero = np.zeros_like(eye)
-        self.knots, self.missed = knots, np.zeros(2 * k)
-        self.names = tuple(f"{CURVE}.{n}" for n in range(2 * eye.shape[1]))
-        self.spread = np.block([[eye, zero], [zero, eye]]) @ root[: 2 * eye.shape[1], : 2 * eye.shape[1]]
-        """(2k, free) forces at the knots, the way in first, per coefficient."""
-
-    def expect_bends(self, x: FloatArray) -> None:
-        """Let a straight line between knots miss the law as much as its bends there suggest, for coefficients x."""
-        bends = [np.abs(np.diff(way, 2)) / _BENT for way in np.split(self.spread @ x, 2)]
-        self.missed = np.concatenate([np.pad(each, 1, mode="edge") for each in bends])
-
-    def torque(
-        self,
-        values: Mapping[str, float],
-        state: tuple[FloatArray, FloatArray, FloatArray],
-        table: FloatArray,
-        slopes: bool = False,
-        way: FloatArray | None = None,
-        only_forces: bool = False,
-        spread_rad: float = _COARSE_RAD,
-    ) -> Torque:
-        """Torque at states, with that of the law (see `TabulatedTorque.torque`)."""
-        found = super().torque(values, state, table, slopes, way, only_forces, spread_rad)
-        theta, omega, _ = state
-        sign = np.sign(omega) if way is None else way
-        forces = self.spread @ np.array([values[name] for name in self.names])
-        k, knots, edge = self.knots.size, self.knots, self.place.edge
-        size = sign * np.abs(omega / self.speed_rad_s) ** self.power if self.power else sign
-        torque, out, variance = found.torque_Nm, dict(found.slopes), found.variance
-        rotated = np.zeros((theta.size, self.spread.shape[1])) if slopes else None
-        bumps = np.zeros((2, theta.size))
-        for count, position, slope in self._moved:
-            low, part = self._between(theta)
-            high = low + 1 if not self.turns_fully else np.where(low + 1 == _NODES, 0, low + 1)
-            place = position[low] + part * (position[high] - position[low])
-            rate = slope[low] + part * (slope[high] - slope[low])
-            grows = rate * np.where(omega == 0.0, sign, omega) > 0.0
-            lever = count * np.abs(rate) * size
-            inside: FloatArray = np.asarray(place >= knots[0], np.float64)
-            if edge:
-                entry, leave = (values.get(name, float(knots[0])) for name in EDGES)
-                width = np.abs(rate) * min(spread_rad, self.spread_rad) + 1e-6
-                away = (place - np.where(grows, entry, leave)) / width
-                inside = ndtr(away)
-                # by the usual force: one that is not found yet would hide an edge
-                variance = variance + (lever * self.place.size_N) ** 2 * inside * (1.0 - inside)
-                density = lever * np.exp(-0.5 * away**2) / (2.5066282746 * width)
-                bumps += np.where(grows, density, 0.0), np.where(grows, 0.0, density)
-            at = np.clip(place, knots[0], knots[-1])
-            left = np.clip(np.searchsorted(knots, at, side="right") - 1, 0, k - 2)
-            within = (at - knots[left]) / (knots[left + 1] - knots[left])
-            begin = left + np.where(grows, 0, k)
-            first, second = lever * inside * (1.0 - within), lever * inside * within
-            torque = torque + first * forces[begin] + second * forces[begin + 1]
-            variance = variance + (first * self.missed[begin] + second * self.missed[begin + 1]) ** 2
-            if rotated is not None:
-                rotated += first[:, None] * self.spread[begin] + second[:, None] * self.spread[begin + 1]
-        if rotated is not None:
-            out |= {name: rotated[:, c] for c, name in enumerate(self.names)}
-            if edge:
-                out |= {EDGES[0]: -forces[0] * bumps[0], EDGES[1]: -forces[k] * bumps[1]}
-        return Torque(torque, out, variance, found.by_omega, found.by_alpha)
-
-    def _between(self, theta: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Node below angles (m,), and the fraction to the next one."""
-        if self.turns_fully:
-            node = np.mod(theta, _TURN) * (_NODES / _TURN)
-            low = node.astype(np.int64)
-            return low % _NODES, node - low
-        angles = self.machine.shaft_angles(_NODES)
-        node = np.clip((theta - angles[0]) / (angles[1] - angles[0]), 0.0, _NODES - 1.001)
-        low = node.astype(np.int64)
-        return low, node - low
-
-
 def learn_curve(plain: Posterior, machine: Machine, place: Place) -> CurvePosterior:
     """Infer a force law from the record of a posterior that has been found without it.
 
@@ -358,11 +163,11 @@ def likely_curve(plain: Posterior, machine: Machine, place: Place, least: float)
     """Infer a force law as `learn_curve`; None where its first fit explains less than the share `least`."""
     record = plain.measurement.record
     few = record if record.block_s else record.thinned(_FEW)
-    laws = [_Law(plain, machine, each, few) for each in _places(machine, place)]
+    laws = [_Law(plain, machine, each, few) for each in _places(machine, place, whole=not least)]
     for law in laws:
         law.begin()
     smallest = min(laws, key=lambda each: each.fit.scale).fit
-    best = max(laws, key=lambda each: each.at_scale(smallest))
+    best = max(laws, key=lambda each: each.at_scale(smallest)) if len(laws) > 1 else laws[0]
     speed = np.abs(few.motion.at(few.time_s)[1])
     speed = speed[speed > _WORKING * np.percentile(speed, 95.0)]
     if not record.one_speed and float(np.ptp(np.percentile(speed, (5.0, 95.0)))) > _VARIES * float(np.mean(speed)):
@@ -370,12 +175,12 @@ def likely_curve(plain: Posterior, machine: Machine, place: Place, least: float)
     return None if best.explained < least else best.finish(record)
 
 
-def _places(machine: Machine, place: Place) -> list[Place]:
-    """Return the ranges over which the force may act; one where its begin is declared."""
+def _places(machine: Machine, place: Place, whole: bool) -> list[Place]:
+    """Return the ranges over which the force may act, also the whole stroke; one where its begin is declared."""
     if place.size_N:
         return [place]
     low, high = measured_range(machine, place.measure)
-    return [replace(place, begin=high - share * (high - low), end=high) for share in _BEGINS]
+    return [replace(place, begin=high - share * (high - low), end=high) for share in (*_BEGINS, *_WHOLE * whole)]
 
 
 class _Law:
@@ -411,7 +216,7 @@ class _Law:
         for start, hypothesis, off_nominal in self._starts():
             self.hyper, self.off_nominal, self.hypothesis = _FIRST, off_nominal, hypothesis
             self._renew(self.record)
-            fit = map_fit(self.m, hypothesis, start, off_nominal, iterations=15)
+            fit = map_fit(self.m, hypothesis, start, off_nominal, iterations=_ITERATIONS)
             for _ in range(_SETTLING):
                 fit, _ = self._tuned(fit)
                 fit = map_fit(self.m, hypothesis, fit.x, off_nominal, iterations=10)
@@ -425,7 +230,7 @@ class _Law:
     def _starts(self) -> list[tuple[FloatArray, Hypothesis, Departures]]:
         """Start at the sensors of the machine file, and at those of the plain posterior."""
         m = self.m
-        sensors = frozenset(_SENSORS) & set(m.names)
+        sensors = SENSORS & set(m.names)
         if m.record.one_speed:  # a delay then looks like a zero
             sensors -= {DELAY}
         x = m.nominal.copy()
@@ -445,18 +250,16 @@ class _Law:
 
     def choose_power(self) -> None:
         """Let the force grow with a power of the speed if that is clearly likelier."""
-        found = list[tuple[float, Literal[0, 1, 2], Fit]]()
-        powers: tuple[Literal[0, 1, 2], ...] = (0, 1, 2)
+        like, best = self.fit, self.at_scale(self.fit) + _OTHER_SPEED_NATS
+        powers: tuple[Literal[1, 2], ...] = (1, 2)
         for power in powers:
-            self.model.power = power
-            found.append((0.0, power, map_fit(self.m, self.hypothesis, self.fit.x, self.off_nominal)))
-        least = min((each[2] for each in found), key=lambda fit: fit.scale)
-        tried = dict[int, float]()
-        for _, power, fit in found:
-            self.model.power, self.fit = power, fit
-            tried[power] = self.at_scale(least)
-        best = max(found, key=lambda each: tried[each[1]] - (_OTHER_SPEED_NATS if each[1] else 0.0))
-        _, self.model.power, self.fit = best
+            before, self.model.power = self.model.power, power
+            fit = map_fit(self.m, self.hypothesis, like.x, self.off_nominal, inflation=like.inflation, scale=like.scale)
+            value = QuadraticEvidence(self.m, fit, fit.inflation)(self.off_nominal) + fit.log_likelihood
+            if value > best:
+                best, self.fit = value, fit
+            else:
+                self.model.power = before
 
     def finish(self, record: Record) -> CurvePosterior:
         """Fit all samples, with finer knots where the law bends between them, and choose the departures."""
@@ -469,13 +272,13 @@ class _Law:
         # Samples beside an edge enter last: while the zero is off by more than their spread, they hold it there.
         self.model.spread_rad = _FINE_RAD
         for _ in range(_ROUNDS):
-            fit, same = self._round(fit)
+            fit, same = self._round(fit, _ITERATIONS)
             if same:
                 break
         if some is not record:
             self._renew(record)
-            fit = map_fit(self.m, self.hypothesis, fit.x, self.off_nominal, iterations=3)
-            fit, _ = self._round(fit)
+            fit = map_fit(self.m, self.hypothesis, fit.x, self.off_nominal, iterations=_LAST)
+            fit, _ = self._round(fit, _LAST)
         value = QuadraticEvidence(self.m, fit, fit.inflation)(self.off_nominal) + fit.log_likelihood
         choice = Choice(self.off_nominal, value, tuple(self.choice.rivals))
         posterior = Posterior(
@@ -483,12 +286,12 @@ class _Law:
         )
         return CurvePosterior(posterior, learned(posterior))
 
-    def _round(self, fit: Fit) -> tuple[Fit, bool]:
+    def _round(self, fit: Fit, iterations: int) -> tuple[Fit, bool]:
         """Tune the prior, choose the departures and fit again; return the fit, and whether these are as before."""
         fit, moved = self._tuned(fit)
         self.model.expect_bends(fit.x[len(self.known) :])
         chosen = self._departures(fit)
-        fit = fit_with_prior_update(self.m, self.hypothesis, fit.x, chosen, iterations=15, relinearise=True)
+        fit = fit_with_prior_update(self.m, self.hypothesis, fit.x, chosen, iterations=iterations, relinearise=True)
         same = chosen == self.off_nominal and not moved
         self.off_nominal = chosen
         return fit, same
@@ -507,7 +310,7 @@ class _Law:
         free = slice(0 if self.place.edge else 1, None)
         forces = np.concatenate([np.interp(self.knots, before, way)[free] for way in ways])
         x = np.concatenate([fit.x[: len(self.known)], np.linalg.solve(self._root(self.hyper), forces)])
-        return map_fit(self.m, self.hypothesis, x, self.off_nominal, iterations=15)
+        return map_fit(self.m, self.hypothesis, x, self.off_nominal, iterations=_ITERATIONS)
 
     def _root(self, hyper: tuple[float, float]) -> FloatArray:
         """Root (free, free) of the prior's covariance."""
@@ -525,14 +328,16 @@ class _Law:
 
         Both are continuous: a size between two steps of a grid would pull the sensor's gain to the nearer one.
         """
-        begin, here = len(self.known), self._root(self.hyper)
-        tried = dict[tuple[float, float], tuple[float, Fit]]()
+        here = self._root(self.hyper)
+        precision, side = self._of_forces(fit, here)
 
+        @cache
         def value(hyper: tuple[float, float]) -> float:
-            if hyper not in tried:
-                turned = _in_root(fit, begin, np.asarray(np.linalg.solve(here, self._root(hyper)), np.float64))
-                tried[hyper] = QuadraticEvidence(self.m, turned, fit.inflation)(self.off_nominal), turned
-            return tried[hyper][0]
+            root = self._root(hyper)
+            inner = root.T @ precision @ root
+            lower = np.linalg.cholesky(inner + np.eye(inner.shape[0]))
+            solved = np.linalg.solve(lower, root.T @ side)
+            return 0.5 * float(solved @ solved) - float(np.sum(np.log(np.diag(lower))))
 
         best = max([self.hyper, *((size, length) for size in _SIZES for length in _LENGTHS)], key=value)
         for factor in _FINER:
@@ -547,7 +352,21 @@ class _Law:
         moved = max(abs(math.log(one / other)) for one, other in zip(best, self.hyper, strict=True)) > _MOVED
         self.hyper = best
         self._renew(self.m.record)
-        return tried[best][1], moved
+        turn = np.asarray(np.linalg.solve(here, self._root(best)), np.float64)
+        return _in_root(fit, len(self.known), turn), moved
+
+    def _of_forces(self, fit: Fit, root: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Precision (free, free) of the forces at the knots, times their mean too, with all else integrated out."""
+        n, a = len(self.known), fit.information / fit.inflation
+        side = fit.gradient / fit.inflation + a @ fit.x
+        variance = prior_variance(self.m, self.off_nominal, fit.x)[:n]
+        nominal = self.m.nominal[:n]
+        inner = np.linalg.solve(
+            a[:n, :n] + np.diag(1.0 / variance), np.column_stack([a[:n, n:], side[:n] + nominal / variance])
+        )
+        precision = a[n:, n:] - a[n:, :n] @ inner[:, :-1]
+        back = np.linalg.inv(root)
+        return back.T @ precision @ back, back.T @ (side[n:] - a[n:, :n] @ inner[:, -1])
 
     def _departures(self, fit: Fit) -> Departures:
         """Choose the departures from the file, with the law's coefficients integrated out."""
@@ -606,7 +425,7 @@ def _count(machine: Machine, place: Place, record: Record) -> int:
     """Number of knots for the record: enough samples beside each."""
     position, _ = measured(machine, place.measure, 0.0, 720)
     inside = float(np.mean(position >= place.begin)) * record.time_s.size
-    return int(min(max(inside / (2.0 * _SAMPLES_A_KNOT), _FEWEST_KNOTS), _MOST_KNOTS))
+    return int(min(max(inside / (2.0 * _SAMPLES_A_KNOT), FEWEST_KNOTS), _MOST_KNOTS))
 
 
 def _count_of(record: Record, knots: int) -> bool:

@@ -150,7 +150,7 @@ def infer(
     configured: Hypothesis,
     ratios: tuple[float, ...] = RATIOS,
     dense: Record | None = None,
-    instead: Callable[[Posterior], Posterior | None] | None = None,
+    instead: Callable[[Posterior], Posterior | Fit | None] | None = None,
 ) -> Posterior | None:
     """Infer sensors, machine and departures from the file from one record.
 
@@ -160,8 +160,9 @@ def infer(
         configured: sensor settings of the file.
         ratios: gear ratios to try, beside the configured one; the default has those of small whole numbers.
         dense: samples of the same recording in runs short enough to filter the torque over time; None: the record.
-        instead: posterior of another model that makes the search needless, or None. It is asked with the fit of all
-            parameters under the likeliest hypothesis, which no set of its departures surpasses.
+        instead: posterior of another model that makes the search needless, or a fit to search from first, or None. It
+            is asked with the fit of all parameters under the likeliest hypothesis, which no set of its departures
+            surpasses.
 
     Returns:
         The posterior, or None when no hypothesis gives a fit.
@@ -171,8 +172,9 @@ def infer(
     fits = hypotheses(measurement, configured, ratios)
     if instead is not None and fits:
         other = instead(_unsearched(measurement, configured, fits))
-        if other is not None:
+        if isinstance(other, Posterior):
             return other
+        fits = fits if other is None else [other, *fits]
     found = _searched(measurement, configured, fits)
     if not measurement.model.depends_on_angle() or record.predicted is not None:
         return found  # means over whole turns show no filter; beside an elastic shaft none is searched

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -24,13 +25,21 @@ class Settled:
         posterior: of the record.
         free: parameters that are estimated.
         tolerant: fit with all other numbers within their tolerances.
-        exact: fit with all other numbers as in the file.
     """
 
     posterior: Posterior
     free: frozenset[str]
     tolerant: Fit
-    exact: Fit
+
+    @cached_property
+    def exact(self) -> Fit:
+        """Fit with all other numbers as in the file."""
+        p, m = self.posterior, self.posterior.measurement
+        x = m.nominal.copy()
+        for name in sorted(self.free):
+            x[m.place[name]] = p.value(name)
+        like = p.fit
+        return map_fit(m, p.hypothesis, x, self.free, free=self.free, inflation=like.inflation, scale=like.scale)
 
     def value(self, name: str) -> float:
         """Value given the file's tolerances."""
@@ -74,13 +83,11 @@ def settle(posterior: Posterior, free: Collection[str]) -> Settled:
     m = posterior.measurement
     # an order's sine is free with its cosine, and the ripple that the encoder leaves uncertain always
     free = frozenset(p.name for p in m.parameters if p.departs(free) or p.kind == "motion")
-    x = m.nominal.copy()
-    for name in sorted(free):
-        x[m.place[name]] = posterior.value(name)
-    hypothesis, inflation, scale = posterior.hypothesis, posterior.fit.inflation, posterior.fit.scale
-    exact = map_fit(m, hypothesis, x, free, free=free, inflation=inflation, scale=scale)
-    tolerant = map_fit(m, hypothesis, posterior.fit.x, free, inflation=inflation, scale=scale, relinearise=True)
-    return Settled(posterior, free, tolerant, exact)
+    x, like = posterior.fit.x, posterior.fit
+    tolerant = map_fit(
+        m, posterior.hypothesis, x, free, iterations=5, inflation=like.inflation, scale=like.scale, relinearise=True
+    )
+    return Settled(posterior, free, tolerant)
 
 
 def settled_sensors(posterior: Posterior, both_directions: bool = False) -> frozenset[str]:

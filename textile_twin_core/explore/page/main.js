@@ -2,6 +2,7 @@
 
 import { Charts } from "./charts.js";
 import { byId, make, numberIn, put, shown } from "./dom.js";
+import { Forces } from "./forces.js";
 import { Linkage } from "./linkage.js";
 import { Parameters } from "./parameters.js";
 import { Search } from "./search.js";
@@ -16,6 +17,7 @@ const parameters = new Parameters(byId("parameters"), {
   onChange: (values, problem, gesture) => (values ? talk.sendNewest({ type: "change", values, gesture }) : banner(problem)),
   onFree: () => search.free(),
 });
+const forces = new Forces(byId("forces"), (name, ways, gesture) => talk.sendNewest({ type: "curve", name, ways, gesture }));
 const search = new Search({ parameters, send: (message) => talk.send(message), say: (text) => { byId("search_says").textContent = text; } });
 const talk = new Talk({
   onMessage: receive,
@@ -51,6 +53,7 @@ function state(head, floats) {
   if (analysis) {
     linkage.show(analysis, pinned);
     charts.show(analysis, pinned, recording);
+    forces.show(head.curves.map((c) => ({ ...c, place: c.place && floats(c.place) })));
     tables.numbers(analysis, pinned);
     tables.notes(analysis);
     search.show(analysis, design, head.task);
@@ -104,6 +107,7 @@ function turnTo(turned) {
   const degrees = (angle * 180) / Math.PI;
   linkage.turn(angle);
   charts.turn(angle);
+  forces.turn(angle);
   byId("angle").value = degrees;
   byId("angle_shown").textContent = `${degrees.toFixed(1)} deg`;
   put(byId("linkage"), "aria-valuenow", degrees.toFixed(1));
