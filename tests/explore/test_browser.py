@@ -6,9 +6,11 @@ import cmath
 import math
 import statistics
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import yaml
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
@@ -18,6 +20,8 @@ import textile_twin_core as ttc
 from tests.campaign import more
 from tests.explore.browser import CHROMIUM, DRIVER, Page, served
 from tests.explore.soak import soak
+from textile_twin_core.dynamics.loads import ForceCurve
+from textile_twin_core.files.machine_file import machine_document
 
 BAG = Path(__file__).resolve().parents[2] / "bags" / "tufting_160rpm_synthetic"
 
@@ -127,6 +131,35 @@ def test_search_shows_its_front_stops_and_a_point_becomes_the_design(page: Page)
     page.find("#tolerate").click()
     page.until(lambda: page.driver.find_elements(By.ID, "scrap"))
     assert "Scrap rate" in page.text("#scrap")
+
+
+def test_a_knot_of_a_force_curve_is_dragged_and_undone(browser: Page, tmp_path: Path) -> None:
+    page, file = browser, tmp_path / "needles.yaml"
+    law = ForceCurve("cloth", "needle_position_m", (0.559, 0.565, 0.58), (500.0, 600.0, 500.0), (200.0,) * 3)
+    file.write_text(yaml.safe_dump(machine_document(replace(ttc.machines.tufting(), loads=(law,)))))
+    with served(str(file)) as (_, address):
+        page.driver.execute_script("sessionStorage.clear()")
+        page.open(address)
+        knot, peak, line = (
+            page.find("[data-knot='cloth/in/1']"),
+            page.number("peak_torque_Nm"),
+            page.find("[data-force]"),
+        )
+        before = line.get_attribute("d")
+        drag = ActionChains(page.driver).click_and_hold(knot)
+        for _ in range(4):
+            drag.move_by_offset(0, -5)
+        page.answered(lambda: drag.release().perform())
+        page.until(
+            lambda: float(knot.get_attribute("aria-valuenow") or 0) > 650.0 and page.number("peak_torque_Nm") > peak
+        )
+        assert line.get_attribute("d") != before
+        page.answered(lambda: page.find("#undo").click())
+        assert float(knot.get_attribute("aria-valuenow") or 0) == 600.0 and page.number("peak_torque_Nm") == peak
+        page.answered(lambda: knot.send_keys(Keys.ARROW_UP))
+        assert 600.0 < float(knot.get_attribute("aria-valuenow") or 0) < 620.0
+    page.driver.get("about:blank")
+    assert [each for each in page.complaints if "WebSocket" not in each] == []
 
 
 @pytest.mark.slow

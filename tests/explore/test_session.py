@@ -8,6 +8,7 @@ import json
 import math
 import time
 from concurrent.futures import Future
+from dataclasses import replace
 from pathlib import Path
 
 import ezdxf
@@ -17,6 +18,7 @@ import pytest
 import textile_twin_core as ttc
 from tests.explore.unpack import numbers, unpack
 from textile_twin_core import machines
+from textile_twin_core.dynamics.loads import Backing, ForceCurve
 from textile_twin_core.errors import RecordingError, TwinError
 from textile_twin_core.explore import first_look as first_look_module
 from textile_twin_core.explore import session as session_module
@@ -24,6 +26,7 @@ from textile_twin_core.explore.design import Design
 from textile_twin_core.explore.first_look import first_look
 from textile_twin_core.explore.overlay import overlay
 from textile_twin_core.explore.session import PageSession
+from textile_twin_core.machine import Machine
 from textile_twin_core.recordings import BagWriter
 from textile_twin_core.recordings.machine_topics import MachineTopics
 
@@ -259,6 +262,55 @@ def test_sensitivity_of_the_stroke_is_the_slope_of_the_stroke(loom: PageSession)
     before = numbers(state(loom, type="hello"))["sley_stroke_m"]
     after = numbers(state(loom, type="change", values={"crank_m": 40.1}))["sley_stroke_m"]
     assert row["step"] == "0.1 mm" and row["changes"][place] == pytest.approx(after - before, rel=2e-2)
+
+
+def curved() -> PageSession:
+    """A tufting machine whose needles meet a force of 500 N on the way in and 200 N on the way out."""
+    law = ForceCurve("cloth", "needle_position_m", (0.559, 0.565, 0.58), (500.0,) * 3, (200.0,) * 3)
+    machine = machines.tufting()
+    assert isinstance(machine, Machine)
+    loads = tuple(load for load in machine.loads if not isinstance(load, Backing))
+    return PageSession(Design.of(replace(machine, loads=(*loads, law))))
+
+
+def test_a_force_curve_is_dragged_and_the_torque_follows() -> None:
+    session = curved()
+    dragged = {"type": "curve", "name": "cloth", "ways": {"in": [800.0] * 3, "out": [200.0] * 3}, "gesture": "cloth 1"}
+    for message, force in (({"type": "hello"}, 500.0), (dragged, 800.0)):
+        head, floats = unpack(session.answer(message))
+        begin, size = head["curves"][0]["place"]
+        place = floats[begin : begin + size].astype(np.float64) / 1e3
+        slope = (np.roll(place, -1) - np.roll(place, 1)) / (4.0 * math.pi / size)
+        expected = np.where(place >= 0.559, np.where(slope > 0.0, force, -200.0), 0.0) * slope
+        torque = next(chart for chart in head["analysis"]["charts"] if chart["title"].startswith("Torque"))
+        begin, size = torque["curves"]["loads"]
+        smooth = np.abs(place - 0.559) > 1e-3  # the force steps there
+        assert floats[begin : begin + size][smooth] == pytest.approx(expected[smooth], abs=2e-2)
+        depth = place.max() - 0.559
+        assert head["curves"][0]["work_J"] == pytest.approx([force * depth, 200.0 * depth], rel=1e-5)
+    saved = session.file("yaml", 0.0).content.decode()
+    again = PageSession(Design.of(machines.tufting()))
+    assert state(again, type="load", name="a.yaml", text=saved)["curves"][0]["ways"]["in"] == [800.0] * 3
+    for kind in ("undo", "redo", "reset"):
+        forces = [500.0] * 3 if kind != "redo" else [800.0] * 3
+        head = state(session, type=kind)
+        assert head["curves"][0]["ways"]["in"] == forces
+    assert head["curves"][0]["base"]["in"] == [500.0] * 3
+
+
+@pytest.mark.parametrize(
+    ("message", "says"),
+    [
+        ({"name": "hem", "ways": {"in": [1.0]}}, "no force curve 'hem'"),
+        ({"name": "cloth", "ways": {"in": [1.0]}}, "1 values for 3 knots"),
+        ({"name": "cloth", "ways": {"in": [1.0, None, 2.0]}}, "must be a number"),
+        ({"name": "cloth", "ways": {"out": [1.0]}}, "ways: must be an object"),
+        ({"name": "cloth", "ways": [1.0]}, "ways: must be an object"),
+    ],
+)
+def test_forces_that_fit_no_curve_are_refused(message: dict, says: str) -> None:  # type: ignore[type-arg]
+    with pytest.raises(TwinError, match=says):
+        curved().answer({"type": "curve", **message})
 
 
 def test_tolerances_give_scrap_and_spread(loom: PageSession) -> None:

@@ -87,9 +87,16 @@ class ForceLaws:
             x = m.nominal.copy()
             for name in LAW_SENSORS & set(m.names):
                 x[m.place[name]] = p.value(name)
-            scaled = {"inflation": fit.inflation, "scale": fit.scale}
-            bound = map_fit(m, unsearched.hypothesis, unsearched.fit.x, m.names, iterations=_BOUND, **scaled)
-            nested = map_fit(m, p.hypothesis, x, m.names, **scaled)
+            nested = map_fit(m, p.hypothesis, x, m.names, inflation=fit.inflation, scale=fit.scale)
+            bound = map_fit(
+                m,
+                unsearched.hypothesis,
+                unsearched.fit.x,
+                m.names,
+                iterations=_BOUND,
+                inflation=fit.inflation,
+                scale=fit.scale,
+            )
             if p.log_evidence + _LOG_ODDS < nested.log_likelihood:
                 return nested
             likelier = p.log_evidence + _LOG_ODDS > bound.log_likelihood
