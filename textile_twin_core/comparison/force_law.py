@@ -11,7 +11,7 @@ from textile_twin_core.comparison.causes import NOT_THIS_MACHINE
 from textile_twin_core.comparison.evidence import Evidence
 from textile_twin_core.comparison.judged import Judged, best_periodic
 from textile_twin_core.dynamics.loads.force_curve import POSITION
-from textile_twin_core.inference.curved_torque import CurvedTorque, load_name, measure_of, place_of
+from textile_twin_core.inference.curved_torque import CurvedTorque, is_reached, load_name, measure_of, place_of
 from textile_twin_core.inference.evidence import QuadraticEvidence
 from textile_twin_core.inference.force_law import SENSORS as LAW_SENSORS
 from textile_twin_core.inference.force_law import CurvePosterior, LearnedCurve, curve_and, learned, likely_curve
@@ -79,7 +79,7 @@ class ForceLaws:
         Args:
             unsearched: fit of all departures together.
         """
-        if unsearched.measurement.record.block_s:
+        if unsearched.measurement.record.block_s or self._judged(unsearched).unexplained < _TRIED:
             return None
         for law in self._learn(unsearched, 1.0 - _BETTER * (1.0 - unsearched.explained)):
             p, fit = law.posterior, law.posterior.fit
@@ -108,14 +108,16 @@ class ForceLaws:
         """Return the posterior of the likeliest law that explains the record better than a posterior without one."""
         if isinstance(found.measurement.model, CurvedTorque):
             return found
+        if self._judged(found).unexplained < _TRIED and found.prior_cost <= IMPLAUSIBLE_NATS:
+            return found
         gains = [(_gain(found, law), law.posterior) for law in self._learn(found, found.explained)]
         gain, law = max(gains, key=lambda each: each[0], default=(-math.inf, found))
         return law if gain + _LOG_ODDS > 0.0 and self._holds(law, _LEFT) else found
 
     def _learn(self, p: Posterior, least: float) -> list[CurvePosterior]:
-        """Learn the laws whose first fit explains a least share; none where the posterior explains the record."""
+        """Learn the laws whose first fit explains a least share, each once under a hypothesis of the sensors."""
         machine, judged = self._machine, self._judged(p)
-        if machine.shaft is not None or (judged.unexplained < _TRIED and p.prior_cost <= IMPLAUSIBLE_NATS):
+        if machine.shaft is not None:
             return []
         if judged.unexplained > NOT_THIS_MACHINE and best_periodic(judged) < _PERIODIC:
             return []
@@ -143,10 +145,10 @@ def cause_of(judged: Judged, machine: Machine) -> ForceLawCause | None:
 
 
 def _names(machine: Machine) -> list[str]:
-    """Names of the loads over a measure, and of the measures without a load."""
+    """Names of the loads over a measure that reaches them, and of the measures without a load."""
     taken = {measure_of(load) for load in machine.loads}
     free = [f"{each.name}{POSITION}" for each in machine.measures if f"{each.name}{POSITION}" not in taken]
-    return [*(load_name(load) for load in machine.loads if measure_of(load)), *free]
+    return [*(load_name(load) for load in machine.loads if is_reached(machine, load)), *free]
 
 
 def _gain(p: Posterior, law: CurvePosterior) -> float:

@@ -86,20 +86,32 @@ def measure_of(load: Load) -> str:
     return load.measure if isinstance(load, ForceCurve) and load.measure.endswith(POSITION) else ""
 
 
+def is_reached(machine: Machine, load: Load) -> bool:
+    """Return whether a load acts over a measure that reaches the place where it begins."""
+    measure = measure_of(load)
+    if not measure:
+        return False
+    low, high = measured_range(machine, measure)
+    return low <= _begin_of(load) < high
+
+
+def _begin_of(load: Load) -> float:
+    return load.entry_plane_m if isinstance(load, Backing) else load.knots[0] if isinstance(load, ForceCurve) else 0.0
+
+
 def _declared(machine: Machine, load: Load, name: str, measure: str) -> Place:
     low, high = measured_range(machine, measure)
-    if isinstance(load, Backing):
-        begin, edge, size = load.entry_plane_m, True, load.force_N
-    else:
-        assert isinstance(load, ForceCurve)
-        forces = (*load.in_N, *(load.out_N or ()))
-        begin, size = load.knots[0], max(abs(each) for each in forces)
-        edge = bool(load.in_N[0] or (load.out_N or (0.0,))[0])
-    if not low <= begin < high:
+    begin = _begin_of(load)
+    if not is_reached(machine, load):
         raise MachineError(
             f"load '{name}': {measure} reaches from {low:.5g} to {high:.5g} m and never {begin:.5g}, where it begins"
         )
-    return Place(name, measure, begin, high, edge, size)
+    if isinstance(load, Backing):
+        return Place(name, measure, begin, high, True, load.force_N)
+    assert isinstance(load, ForceCurve)
+    ways = (*load.in_N, *(load.out_N or ()))
+    edge = bool(load.in_N[0] or (load.out_N or (0.0,))[0])
+    return Place(name, measure, begin, high, edge, max(abs(each) for each in ways))
 
 
 def measured_range(machine: Machine, measure: str) -> tuple[float, float]:
