@@ -282,7 +282,7 @@ def _posterior(
 ) -> Posterior | None:
     """Infer the posterior of the record, of departures or of a force law; filters are judged on runs of it."""
     record, runs = (record_of(each, speed_controlled, rotor) for each in (evidence, evidence.in_runs()))
-    laws = ForceLaws(evidence, machine, _encoder_turn(machine))
+    laws = ForceLaws(evidence, machine, _encoder_turn(machine), runs)
     found = infer(record, machine, configured, ratios, runs, laws.at_once)
     return None if found is None else laws.likelier(found)
 

@@ -14,11 +14,12 @@ from textile_twin_core.dynamics.loads.force_curve import POSITION
 from textile_twin_core.inference.curved_torque import CurvedTorque, is_reached, load_name, measure_of, place_of
 from textile_twin_core.inference.evidence import QuadraticEvidence
 from textile_twin_core.inference.force_law import SENSORS as LAW_SENSORS
-from textile_twin_core.inference.force_law import CurvePosterior, LearnedCurve, curve_and, learned, likely_curve
+from textile_twin_core.inference.force_law import WHITE, CurvePosterior, LearnedCurve, curve_and, learned, likely_curve
 from textile_twin_core.inference.map_fit import Fit, map_fit
 from textile_twin_core.inference.measurement import Hypothesis
 from textile_twin_core.inference.parameter import GAIN
 from textile_twin_core.inference.posterior import IMPLAUSIBLE_NATS, Posterior
+from textile_twin_core.inference.record import Record
 from textile_twin_core.machine import Machine
 
 _TRIED = 0.002
@@ -33,9 +34,8 @@ _SCALE = 0.02
 """Relative standard deviation of the whole curve from which its scale counts as not determined."""
 _TIED = 0.9
 """Correlation of the gain with that scale above which the two are not distinguishable."""
-_BETTER, _WHITE = 0.5, 1.5
-"""Unexplained share of a law's first fit, over that of all departures together, and inflation of its last, that need no
-search for departures."""
+_BETTER = 0.5
+"""Unexplained share of a law's first fit, over that of all departures together, that needs no search for departures."""
 _LOG_ODDS = math.log(0.05)
 """Odds that a load's force depends on its measure: most do, and most hardly differ from a constant one."""
 
@@ -64,17 +64,19 @@ class ForceLaws:
 
     Args:
         evidence: the record. machine: of the file. encoder_turn_rad: shaft angle of a turn of the encoder.
+        runs: samples of the record in which the torque is filtered over time.
     """
 
-    def __init__(self, evidence: Evidence, machine: Machine, encoder_turn_rad: float) -> None:
+    def __init__(self, evidence: Evidence, machine: Machine, encoder_turn_rad: float, runs: Record) -> None:
+        self._runs = runs
         self._evidence, self._machine, self._turn_rad = evidence, machine, encoder_turn_rad
         self._learned: dict[tuple[str, Hypothesis], CurvePosterior | None] = {}
 
     def at_once(self, unsearched: Posterior) -> Posterior | Fit | None:
         """Return the posterior of a law that makes the search for departures needless.
 
-        The law must be likelier than all departures together, about its sensors too, and leave noise alone: filters of
-        the torque sensor are not searched beside it. Where departures about its sensors are likelier, return their fit.
+        The law must be likelier than all departures together, about its sensors too, and leave noise alone. Where
+        departures about its sensors are likelier, return their fit.
 
         Args:
             unsearched: fit of all departures together.
@@ -100,7 +102,7 @@ class ForceLaws:
             if p.log_evidence + _LOG_ODDS < nested.log_likelihood:
                 return nested
             likelier = p.log_evidence + _LOG_ODDS > bound.log_likelihood
-            if likelier and fit.inflation < _WHITE and self._holds(p, _TRIED):
+            if likelier and fit.inflation < WHITE and self._holds(p, _TRIED):
                 return p
         return None
 
@@ -124,7 +126,7 @@ class ForceLaws:
         for name in _names(machine):
             if (name, p.hypothesis) not in self._learned:
                 place, rest = place_of(machine, name)
-                self._learned[name, p.hypothesis] = likely_curve(p, rest, place, max(_AT_FIRST, least))
+                self._learned[name, p.hypothesis] = likely_curve(p, rest, place, max(_AT_FIRST, least), self._runs)
         laws = (self._learned[name, p.hypothesis] for name in _names(machine))
         return [law for law in laws if law is not None]
 

@@ -201,7 +201,7 @@ class CurvedTorque(TabulatedTorque):
             inside: FloatArray = np.asarray(place >= knots[0], np.float64)
             if edge:
                 entry, leave = (values.get(name, float(knots[0])) for name in EDGES)
-                width = np.abs(rate) * min(spread_rad, self.spread_rad) + 1e-6
+                width = np.abs(rate) * self.spread_rad + 1e-6
                 away = (place - np.where(grows, entry, leave)) / width
                 inside = ndtr(away)
                 # by the usual force: one that is not found yet would hide an edge

@@ -22,6 +22,7 @@ from textile_twin_core.arrays import BoolArray, FloatArray
 from textile_twin_core.dynamics.loads import ForceCurve
 from textile_twin_core.inference.curved_torque import EDGES, FEWEST_KNOTS, CurvedTorque, Place, measured, measured_range
 from textile_twin_core.inference.evidence import Choice, Departures, QuadraticEvidence, choose, is_one
+from textile_twin_core.inference.filter_scan import likely_filters
 from textile_twin_core.inference.map_fit import Fit, fit_with_prior_update, map_fit, prior_variance
 from textile_twin_core.inference.measurement import Hypothesis, Measurement
 from textile_twin_core.inference.parameter import (
@@ -30,6 +31,7 @@ from textile_twin_core.inference.parameter import (
     DELAY,
     EDGE,
     GAIN,
+    HIGH_PASS,
     OFFSET,
     VISCOUS,
     ZERO,
@@ -38,6 +40,7 @@ from textile_twin_core.inference.parameter import (
 from textile_twin_core.inference.posterior import Posterior
 from textile_twin_core.inference.priors import WorkingPoint, parameters
 from textile_twin_core.inference.record import Record
+from textile_twin_core.inference.starts import BLOCKING_HZ
 from textile_twin_core.machine import Machine
 
 _MOST_KNOTS, _SAMPLES_A_KNOT = 28, 25
@@ -49,6 +52,8 @@ _FINER: Final = (1.6, 1.3, 1.3, 1.15, 1.15, 1.07, 1.07, 1.03)
 """Factors by which size and length move from the best of the grid on."""
 _MOVED: Final = 0.3
 """Change of their logarithm above which the law is fitted again."""
+_NO_LOAD: Final = 1e-3
+"""Force of a declared load, over that of the working torque, below which it says nothing of a law's size."""
 _MEAN, _JITTER = 3.0, 1e-4
 """Standard deviation of the mean force, and smallest independent part, over the usual force."""
 _EDGE_M: Final = 5e-4
@@ -72,6 +77,10 @@ _MISSED: Final = 0.005
 _ROUNDS, _SETTLING, _REFINED = 4, 2, 1
 _ITERATIONS, _LAST = 15, 3
 """Most iterations of a fit, and of those of all samples from that of a part of them on."""
+WHITE: Final = 1.5
+"""Inflation of the residual below which a law leaves noise alone."""
+_FILTERED: Final = 2
+"""Most filters of the torque sensor that are fitted beside a law."""
 _EXPLAINED: Final = 0.98
 """Share of the torque that a first fit explains which needs no other start."""
 _WORKING_SAMPLES: Final = 3000
@@ -159,8 +168,17 @@ def learn_curve(plain: Posterior, machine: Machine, place: Place) -> CurvePoster
     return found
 
 
-def likely_curve(plain: Posterior, machine: Machine, place: Place, least: float) -> CurvePosterior | None:
-    """Infer a force law as `learn_curve`; None where its first fit explains less than the share `least`."""
+def likely_curve(
+    plain: Posterior, machine: Machine, place: Place, least: float, runs: Record | None = None
+) -> CurvePosterior | None:
+    """Infer a force law as `learn_curve`; None where its first fit explains less than the share `least`.
+
+    Args:
+        plain: posterior of the record without the law. machine, place: as in `learn_curve`.
+        least: share of the torque's variance.
+        runs: samples in which the torque is filtered over time, to try filters of the torque sensor beside a law that
+            leaves more than noise; None: none are tried.
+    """
     record = plain.measurement.record
     few = record if record.block_s else record.thinned(_FEW)
     laws = [_Law(plain, machine, each, few) for each in _places(machine, place, whole=not least)]
@@ -172,7 +190,23 @@ def likely_curve(plain: Posterior, machine: Machine, place: Place, least: float)
     speed = speed[speed > _WORKING * np.percentile(speed, 95.0)]
     if not record.one_speed and float(np.ptp(np.percentile(speed, (5.0, 95.0)))) > _VARIES * float(np.mean(speed)):
         best.choose_power()
-    return None if best.explained < least else best.finish(record)
+    power = best.model.power
+    found = None if best.explained < least else best.finish(record)
+    if runs is None or plain.hypothesis.filters or (found is not None and found.posterior.fit.inflation < WHITE):
+        return found
+    begun = _Law(plain, machine, best.place, few)
+    begun.model.power = power
+    begun.begin()
+    filters = [(HIGH_PASS, BLOCKING_HZ, 0.0)]  # which leaves a fit without it no resemblance
+    if found is not None:
+        scanned = begun.m.on(runs).linearised(begun.fit.x, begun.off_nominal)
+        filters = likely_filters(scanned, begun.fit)[:_FILTERED]
+    tried = [begun.filtered(machine, runs, *each) for each in filters]
+    for law in sorted(tried, key=lambda each: each.fit.rms):
+        if law.explained > least:
+            filtered = law.finish(runs)
+            return filtered if filtered.posterior.fit.inflation < WHITE else found
+    return found
 
 
 def _places(machine: Machine, place: Place, whole: bool) -> list[Place]:
@@ -195,7 +229,8 @@ class _Law:
         inertia = max(plain.measurement.model.mean_inertia, 1e-12)
         known, slots = parameters(machine, WorkingPoint(working, speed, inertia))
         self.model = CurvedTorque(machine, known, slots, place, speed)
-        self.size_N = place.size_N or working / max(self.model.steepest, 1e-9)
+        usual = working / max(self.model.steepest, 1e-9)
+        self.size_N = place.size_N if place.size_N > _NO_LOAD * usual else usual
         edges = tuple(_edge(name, place.begin) for name in EDGES) if place.edge else ()
         self.known, self.record, self.working = (*known, *edges), record, working
         self.knots = np.linspace(place.begin, place.end, _count(machine, place, record))
@@ -221,22 +256,47 @@ class _Law:
                 fit, _ = self._tuned(fit)
                 fit = map_fit(self.m, hypothesis, fit.x, off_nominal, iterations=10)
             fits.append((fit.rms, len(fits), fit, off_nominal, self.hyper))
-            if fit.explained > _EXPLAINED:
+            if fit.explained > _EXPLAINED and not hypothesis.filters:
                 break
         *_, self.fit, self.off_nominal, self.hyper = min(fits, key=lambda each: each[:2])
         self.hypothesis = self.fit.hypothesis
         self._renew(self.record)
 
+    def filtered(self, machine: Machine, runs: Record, name: str, value: float, late_s: float) -> _Law:
+        """Return the law begun beside a filter of the torque sensor, from this one's sensors on."""
+        plain, m = self.plain, self.plain.measurement
+        x = m.nominal.copy()
+        if self.explained > _EXPLAINED:
+            for each in SENSORS & set(m.names):
+                x[m.place[each]] = self.fit.x[self.m.place[each]]
+        x[m.place[name]] = value
+        x[m.place[DELAY]] += late_s
+        hypothesis = replace(self.hypothesis, filters=self.hypothesis.filters | {name})
+        fit = replace(plain.fit, x=x, hypothesis=hypothesis)
+        choice = replace(plain.choice, off_nominal=SENSORS | {name})
+        law = _Law(
+            replace(plain, measurement=m.on(runs), fit=fit, choice=choice), machine, self.place, runs.thinned(_FEW)
+        )
+        law.model.power = self.model.power
+        law.begin()
+        return law
+
     def _starts(self) -> list[tuple[FloatArray, Hypothesis, Departures]]:
-        """Start at the sensors of the machine file, and at those of the plain posterior."""
+        """Start at the sensors of the machine file, and at those of the plain posterior; beside a filter at these."""
         m = self.m
-        sensors = SENSORS & set(m.names)
+        filters = frozenset(n for n in self.plain.hypothesis.filters if not m.nominal[m.place[n]])
+        sensors = SENSORS & set(m.names) | filters
         if m.record.one_speed:  # a delay then looks like a zero
             sensors -= {DELAY}
         x = m.nominal.copy()
         for name in sensors & self.plain.off_nominal:
             x[m.place[name]] = self.plain.value(name)
-        return [(m.nominal.copy(), self.plain.configured, sensors), (x, self.plain.hypothesis, sensors)]
+        plain = x, self.plain.hypothesis, sensors
+        if not filters:
+            return [(m.nominal.copy(), self.plain.configured, sensors), plain]
+        right = x.copy()  # without the filter its smearing was the zero's
+        right[m.place[ZERO]] = m.nominal[m.place[ZERO]]
+        return [(right, self.plain.hypothesis, sensors), *([plain] if self.plain.departure(ZERO) else [])]
 
     @property
     def explained(self) -> float:
@@ -272,13 +332,13 @@ class _Law:
         # Samples beside an edge enter last: while the zero is off by more than their spread, they hold it there.
         self.model.spread_rad = _FINE_RAD
         for _ in range(_ROUNDS):
-            fit, same = self._round(fit, _ITERATIONS)
+            fit, same = self._round(fit)
             if same:
                 break
         if some is not record:
             self._renew(record)
             fit = map_fit(self.m, self.hypothesis, fit.x, self.off_nominal, iterations=_LAST)
-            fit, _ = self._round(fit, _LAST)
+            fit = self._freed(fit, _LAST)
         value = QuadraticEvidence(self.m, fit, fit.inflation)(self.off_nominal) + fit.log_likelihood
         choice = Choice(self.off_nominal, value, tuple(self.choice.rivals))
         posterior = Posterior(
@@ -286,15 +346,19 @@ class _Law:
         )
         return CurvePosterior(posterior, learned(posterior))
 
-    def _round(self, fit: Fit, iterations: int) -> tuple[Fit, bool]:
+    def _round(self, fit: Fit) -> tuple[Fit, bool]:
         """Tune the prior, choose the departures and fit again; return the fit, and whether these are as before."""
         fit, moved = self._tuned(fit)
+        before = self.off_nominal
+        return self._freed(fit, _ITERATIONS), before == self.off_nominal and not moved
+
+    def _freed(self, fit: Fit, iterations: int) -> Fit:
+        """Choose the departures from the file and fit again."""
         self.model.expect_bends(fit.x[len(self.known) :])
-        chosen = self._departures(fit)
-        fit = fit_with_prior_update(self.m, self.hypothesis, fit.x, chosen, iterations=iterations, relinearise=True)
-        same = chosen == self.off_nominal and not moved
-        self.off_nominal = chosen
-        return fit, same
+        self.off_nominal = self._departures(fit)
+        return fit_with_prior_update(
+            self.m, self.hypothesis, fit.x, self.off_nominal, iterations=iterations, relinearise=True
+        )
 
     def _bends(self, fit: Fit) -> bool:
         """Return whether a straight line between the knots misses the law by much."""

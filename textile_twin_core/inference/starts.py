@@ -48,7 +48,7 @@ _BESIDE_ZERO = 0.8
 """Share of the residual below which a delay beside the zero counts: in few turns the changes of speed show it."""
 GAINS = 0.2, 20.0
 """Gains of the torque sensor, beside its unit, from which a fit may start."""
-_BLOCKING_HZ = 0.3
+BLOCKING_HZ = 0.3
 """Corner from which the fit of a high pass starts that the file does not have."""
 GROUP_DELAY = {LOW_PASS: 1.0, BUTTERWORTH: math.sqrt(2.0)}
 """Delay of a low pass at low frequencies, over its time constant."""
@@ -84,7 +84,7 @@ def hypotheses(measurement: Measurement, configured: Hypothesis, ratios: tuple[f
         x[measurement.place[ZERO]] = np.remainder(zero + np.pi, TURN) - np.pi
         x[measurement.place[DELAY]] = delay
         if HIGH_PASS in configured.filters:
-            x[measurement.place[HIGH_PASS]] = measurement.nominal[measurement.place[HIGH_PASS]] or _BLOCKING_HZ
+            x[measurement.place[HIGH_PASS]] = measurement.nominal[measurement.place[HIGH_PASS]] or BLOCKING_HZ
         x[measurement.place[GAIN]] = gain_value(min(max(abs(factor / near.gain), low), high))
         x[measurement.place[ROTOR]] = max(inertia, 0.0)
         if np.count_nonzero(coarse.expected(hypothesis, x).good) < len(free):
