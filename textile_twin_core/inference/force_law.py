@@ -75,8 +75,8 @@ _FIRST: Final = (0.3, 0.15)
 _MISSED: Final = 0.005
 """Miss of a straight line between two knots, over the peak, above which there are twice as many."""
 _ROUNDS, _SETTLING, _REFINED = 4, 2, 1
-_ITERATIONS, _LAST = 15, 3
-"""Most iterations of a fit, and of those of all samples from that of a part of them on."""
+_ITERATIONS, _SOME, _LAST = 15, 10, 3
+"""Most iterations of a fit, of one near its end, and of those of all samples from that of a part of them on."""
 WHITE: Final = 1.5
 """Inflation of the residual below which a law leaves noise alone."""
 _FILTERED: Final = 2
@@ -251,10 +251,10 @@ class _Law:
         for start, hypothesis, off_nominal in self._starts():
             self.hyper, self.off_nominal, self.hypothesis = _FIRST, off_nominal, hypothesis
             self._renew(self.record)
-            fit = map_fit(self.m, hypothesis, start, off_nominal, iterations=_ITERATIONS)
+            fit = self._held(start, _ITERATIONS)
             for _ in range(_SETTLING):
                 fit, _ = self._tuned(fit)
-                fit = map_fit(self.m, hypothesis, fit.x, off_nominal, iterations=10)
+                fit = self._held(fit.x, _SOME)
             fits.append((fit.rms, len(fits), fit, off_nominal, self.hyper))
             if fit.explained > _EXPLAINED and not hypothesis.filters:
                 break
@@ -325,12 +325,13 @@ class _Law:
         """Fit all samples, with finer knots where the law bends between them, and choose the departures."""
         some = record if record.block_s else record.thinned(_WORKING_SAMPLES)
         self._renew(some)
-        fit = map_fit(self.m, self.hypothesis, self.fit.x, self.off_nominal, iterations=10)
+        fit = self._held(self.fit.x, _SOME)
         for _ in range(_REFINED):
             if self._bends(fit) and _count_of(record, self.knots.size):
                 fit, _ = self._tuned(self._refined(fit, some))
         # Samples beside an edge enter last: while the zero is off by more than their spread, they hold it there.
         self.model.spread_rad = _FINE_RAD
+        fit = self._held(fit.x, _SOME)
         for _ in range(_ROUNDS):
             fit, same = self._round(fit)
             if same:
@@ -345,6 +346,11 @@ class _Law:
             self.m.linearised(fit.x, self.off_nominal), self.plain.configured, fit, choice, value, self.plain.others
         )
         return CurvePosterior(posterior, learned(posterior))
+
+    def _held(self, x: FloatArray, iterations: int) -> Fit:
+        """Fit with the edges held, which a wrong zero would carry along."""
+        free = set(self.m.names).difference(EDGES)
+        return map_fit(self.m, self.hypothesis, x, self.off_nominal, free=free, iterations=iterations)
 
     def _round(self, fit: Fit) -> tuple[Fit, bool]:
         """Tune the prior, choose the departures and fit again; return the fit, and whether these are as before."""
@@ -374,7 +380,7 @@ class _Law:
         free = slice(0 if self.place.edge else 1, None)
         forces = np.concatenate([np.interp(self.knots, before, way)[free] for way in ways])
         x = np.concatenate([fit.x[: len(self.known)], np.linalg.solve(self._root(self.hyper), forces)])
-        return map_fit(self.m, self.hypothesis, x, self.off_nominal, iterations=_ITERATIONS)
+        return self._held(x, _ITERATIONS)
 
     def _root(self, hyper: tuple[float, float]) -> FloatArray:
         """Root (free, free) of the prior's covariance."""
