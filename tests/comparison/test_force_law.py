@@ -154,6 +154,23 @@ def test_a_constant_force_is_no_law() -> None:
     assert {cause.cause for cause in found.verdict} == {"delay", "load_force", "unmodelled_friction"}
 
 
+@pytest.mark.slow
+@pytest.mark.campaign
+def test_a_low_pass_of_the_torque_sensor_is_named_beside_the_law() -> None:
+    law = LAWS["pierce"]
+    case = replace(case_of(law, 21, duration_s=DURATION_S), friction=FRICTION)
+    case = replace(case, torque=replace(case.torque, delay_s=DELAY_S, low_pass_hz=38.8, low_pass_order=1))
+    made = Made(case, record_law(law, case), configured_machine(case))
+    found = assess(made.readings, made.machine)
+    named = {cause.cause: cause for cause in found.verdict}
+    assert set(named) == {"force_law", "torque_low_pass", "delay", "unmodelled_friction"}
+    low_pass = named["torque_low_pass"]
+    assert low_pass.value == pytest.approx(1.0 / (2.0 * np.pi * 38.8), abs=3.0 * low_pass.sigma)
+    assert named["delay"].value == pytest.approx(DELAY_S, abs=3.0 * named["delay"].sigma)
+    assert found.law is not None
+    assert_curve("pierce", found.law.curve)
+
+
 @pytest.fixture(scope="module")
 def beaten_up() -> CurveIdentification:
     here = made("beat-up")

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tests.generators.mill_recordings import SPEED, Case, MillRecording, healthy, record
+from tests.generators.mill_recordings import SPEED, Case, MillRecording, healthy, record, shown_torque
 from tests.generators.multibody import Floats
 from tests.generators.shaft_law import loom_law, tufting_law
 
@@ -105,21 +105,28 @@ def law_torque(law: ForceLaw, case: Case, made: MillRecording) -> Floats:
     """Compute the law's torque in the shaft at each measured torque, as the sensor's delay shows it [N m]."""
     end = reach(law.machine)
     begin = end - law.range_m if law.range_m else PLANE_M
-    theta, omega = motion_at_torques(case, made)
-    place, slope = measured(law.machine, theta)
-    z = np.maximum((place - begin) / (end - begin), 0.0)
-    speed = np.abs(omega) / SPEED[law.machine]
-    size = np.where(slope * omega > 0.0, law.down(z, speed), law.up(z, speed)) * FORCE_N
-    return np.where(place >= begin, size, 0.0) * slope * np.sign(slope * omega)
+
+    def at(theta: Floats, omega: Floats, _: Floats) -> Floats:
+        place, slope = measured(law.machine, theta)
+        z = np.maximum((place - begin) / (end - begin), 0.0)
+        speed = np.abs(omega) / SPEED[law.machine]
+        size = np.where(slope * omega > 0.0, law.down(z, speed), law.up(z, speed)) * FORCE_N
+        return np.where(place >= begin, size, 0.0) * slope * np.sign(slope * omega)
+
+    return shown_torque(case, made.plan, _late(case, made), at)
+
+
+def _late(case: Case, made: MillRecording) -> Floats:
+    """Time of the shaft that each measured torque shows [s]."""
+    s = case.torque
+    # the stamps' own errors are tens of microseconds: the law's torque is taken at the stamp
+    time = (made.torque_stamps_ns - made.torque_stamps_ns[0]) * 1e-9 + 0.0507
+    return np.clip(time - s.delay_s - s.drift * (time - 0.5 * case.duration_s), 0.0, case.duration_s)
 
 
 def motion_at_torques(case: Case, made: MillRecording) -> tuple[Floats, Floats]:
     """Compute angle and speed of the shaft that each measured torque shows."""
-    s = case.torque
-    # the stamps' own errors are tens of microseconds: the law's torque is taken at the stamp
-    time = (made.torque_stamps_ns - made.torque_stamps_ns[0]) * 1e-9 + 0.0507
-    late = time - s.delay_s - s.drift * (time - 0.5 * case.duration_s)
-    theta, omega, _ = made.plan.at(np.clip(late, 0.0, case.duration_s))
+    theta, omega, _ = made.plan.at(_late(case, made))
     return theta, omega
 
 

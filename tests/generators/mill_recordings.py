@@ -149,7 +149,8 @@ def record(case: Case) -> MillRecording:
 
     time = np.arange(0.0507, case.duration_s - 0.05, 1.0 / s.rate_hz)
     late = time - s.delay_s - s.drift * (time - 0.5 * case.duration_s)
-    torque = _filtered_torque(case, plan, np.clip(late, 0.0, case.duration_s))
+    late = np.clip(late, 0.0, case.duration_s)
+    torque = shown_torque(case, plan, late, lambda *state: torque_of(case, *state))
     torque = s.gain * (torque + s.noise_Nm * rng.standard_normal(time.size)) + s.offset_Nm
     torque += s.hum[0] * np.sin(2.0 * math.pi * s.hum[1] * time + 0.4)
     if s.step_Nm:
@@ -160,13 +161,13 @@ def record(case: Case) -> MillRecording:
     return MillRecording(angle_stamps, angle, torque_stamps, torque[kept], plan)
 
 
-def _filtered_torque(case: Case, plan: Plan, time: Floats) -> Floats:
-    """Torque of a case's machine behind the filters of its sensor, computed on a fine grid."""
+def shown_torque(case: Case, plan: Plan, time: Floats, torque_at: Callable[[Floats, Floats, Floats], Floats]) -> Floats:
+    """Torque over the shaft's states behind the filters of a case's sensor, computed on a fine grid."""
     s = case.torque
     if not (s.low_pass_hz or s.high_pass_hz):
-        return torque_of(case, *plan.at(time))
+        return torque_at(*plan.at(time))
     fine = np.arange(0.0, case.duration_s + _FINE_S, _FINE_S)
-    torque = torque_of(case, *plan.at(np.minimum(fine, case.duration_s)))
+    torque = torque_at(*plan.at(np.minimum(fine, case.duration_s)))
     if s.high_pass_hz:
         torque = torque - (torque[0] if case.run_up else torque.mean())
         torque = _filtered(torque, 1, s.high_pass_hz, "high")
