@@ -111,7 +111,7 @@ def law_torque(law: ForceLaw, case: Case, made: MillRecording) -> Floats:
         z = np.maximum((place - begin) / (end - begin), 0.0)
         speed = np.abs(omega) / SPEED[law.machine]
         size = np.where(slope * omega > 0.0, law.down(z, speed), law.up(z, speed)) * FORCE_N
-        return np.where(place >= begin, size, 0.0) * slope * np.sign(slope * omega)
+        return np.asarray(np.where(place >= begin, size, 0.0) * slope * np.sign(slope * omega))
 
     return shown_torque(case, made.plan, _late(case, made), at)
 
@@ -121,7 +121,7 @@ def _late(case: Case, made: MillRecording) -> Floats:
     s = case.torque
     # the stamps' own errors are tens of microseconds: the law's torque is taken at the stamp
     time = (made.torque_stamps_ns - made.torque_stamps_ns[0]) * 1e-9 + 0.0507
-    return np.clip(time - s.delay_s - s.drift * (time - 0.5 * case.duration_s), 0.0, case.duration_s)
+    return np.asarray(np.clip(time - s.delay_s - s.drift * (time - 0.5 * case.duration_s), 0.0, case.duration_s))
 
 
 def motion_at_torques(case: Case, made: MillRecording) -> tuple[Floats, Floats]:
