@@ -35,6 +35,12 @@ _BENT: Final = 8.0
 """Second difference of the forces over the miss of a straight line between their knots, of a smooth law."""
 
 
+_BEGINS: Final = (0.05, 0.1, 0.2, 0.4)
+"""Shares of the measure's stroke before its largest value within which a force without a declared edge may act."""
+_WHOLE: Final = (0.999,)
+"""Share of a force that is asked for by name: in and out over the whole stroke it explains any torque by angle."""
+
+
 @dataclass(frozen=True)
 class Place:
     """Where a force law acts: measure, first and last value [m], and whether the force may step at the first."""
@@ -112,6 +118,14 @@ def _declared(machine: Machine, load: Load, name: str, measure: str) -> Place:
     ways = (*load.in_N, *(load.out_N or ()))
     edge = bool(load.in_N[0] or (load.out_N or (0.0,))[0])
     return Place(name, measure, begin, high, edge, max(abs(each) for each in ways))
+
+
+def places_of(machine: Machine, place: Place, whole: bool) -> list[Place]:
+    """Return the ranges over which the force may act, also the whole stroke; one where its begin is declared."""
+    if place.size_N:
+        return [place]
+    low, high = measured_range(machine, place.measure)
+    return [replace(place, begin=high - share * (high - low), end=high) for share in (*_BEGINS, *_WHOLE * whole)]
 
 
 def measured_range(machine: Machine, measure: str) -> tuple[float, float]:

@@ -20,7 +20,7 @@ import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray
 from textile_twin_core.dynamics.loads import ForceCurve
-from textile_twin_core.inference.curved_torque import EDGES, FEWEST_KNOTS, CurvedTorque, Place, measured, measured_range
+from textile_twin_core.inference.curved_torque import EDGES, FEWEST_KNOTS, CurvedTorque, Place, measured, places_of
 from textile_twin_core.inference.evidence import Choice, Departures, QuadraticEvidence, choose, is_one
 from textile_twin_core.inference.filter_scan import likely_filters
 from textile_twin_core.inference.map_fit import Fit, fit_with_prior_update, map_fit, prior_variance
@@ -60,10 +60,6 @@ _EDGE_M: Final = 5e-4
 """Standard deviation of the place of an edge: cloth is thicker here than there [m]."""
 _FINE_RAD: Final = 0.006
 """Shaft angle over which the model smears an edge in the last fits."""
-_BEGINS: Final = (0.05, 0.1, 0.2, 0.4)
-"""Shares of the measure's stroke before its largest value within which a force without a declared edge may act."""
-_WHOLE: Final = (0.999,)
-"""Share of a force that is asked for by name: in and out over the whole stroke it explains any torque by angle."""
 _OTHER_SPEED_NATS: Final = 6.0
 """Log evidence by which a force that grows with the speed must be likelier."""
 _WORKING, _VARIES = 0.3, 0.2
@@ -181,7 +177,7 @@ def likely_curve(
     """
     record = plain.measurement.record
     few = record if record.block_s else record.thinned(_FEW)
-    laws = [_Law(plain, machine, each, few) for each in _places(machine, place, whole=not least)]
+    laws = [_Law(plain, machine, each, few) for each in places_of(machine, place, whole=not least)]
     for law in laws:
         law.begin()
     smallest = min(laws, key=lambda each: each.fit.scale).fit
@@ -207,14 +203,6 @@ def likely_curve(
             filtered = law.finish(runs)
             return filtered if filtered.posterior.fit.inflation < WHITE else found
     return found
-
-
-def _places(machine: Machine, place: Place, whole: bool) -> list[Place]:
-    """Return the ranges over which the force may act, also the whole stroke; one where its begin is declared."""
-    if place.size_N:
-        return [place]
-    low, high = measured_range(machine, place.measure)
-    return [replace(place, begin=high - share * (high - low), end=high) for share in (*_BEGINS, *_WHOLE * whole)]
 
 
 class _Law:
