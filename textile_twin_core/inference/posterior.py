@@ -170,7 +170,7 @@ def infer(
     measurement = measurement_of(record, machine, configured)
     dense_measurement = measurement if dense is None else measurement.on(dense)
     fits = hypotheses(measurement, configured, ratios)
-    if instead is not None and fits:
+    if instead is not None and fits and record.predicted is None:
         other = instead(_unsearched(measurement, configured, fits))
         if isinstance(other, Posterior):
             return other
