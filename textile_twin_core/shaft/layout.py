@@ -48,4 +48,3 @@ USUAL_WAVES: Final = MOST_WAVES[-2]  # orders of the largest of the other models
 SMOOTHER: Final = numbers(COUNT)[-1]  # index of the smoother's filter, whatever its model
 ACCELERATION, RATE, ANGLE, L00, L10, L20, L11, L21, L22 = numbers(9)
 """Rows of a filter's clock: state and lower triangular covariance factor; L10 couples rate and acceleration."""
-FACTOR: Final = np.array([[L00, 0, 0], [L10, L11, 0], [L20, L21, L22]])  # the same by row and column
