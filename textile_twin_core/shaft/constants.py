@@ -104,6 +104,7 @@ USUAL_STEP: Final = 1.5  # intervals up to which no sample is missing between tw
 SETTLING: Final = 25.0  # samples until a state may count as converged, and at standstill until it is reported
 MAX_SPEED_SIGMA: Final = 0.25  # largest speed sigma of a converged state, over the speed
 LEAST_SPEED: Final = 0.3  # least speed in that rule, over the highest speed so far
+FAR_FROM_READING: Final = TURN / 10.0  # [rad] from the reading that a state used, beyond which it has not converged
 
 # Unwrapping -----------------------------------------------------------------------------------------------------------
 # Figure of 400 simulated machines that start and stop: wrong turn at the end in 79 without the rules, 0 with them.

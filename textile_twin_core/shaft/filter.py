@@ -19,6 +19,7 @@ from textile_twin_core.compiling import by_reference, compiled_in_place
 from textile_twin_core.shaft import layout, measurement_noise, model_bank, outlier_gate
 from textile_twin_core.shaft.constants import (
     ADAPT_EVERY,
+    FAR_FROM_READING,
     FINEST_MOTION,
     FORGET_NOISE,
     GAP_SAMPLES,
@@ -337,7 +338,8 @@ def _report_state(status: FilterStatus, row: FilterRow) -> None:
         # Bounded by the highest speed so far: outliers imitate speeds at which any sigma would pass.
         speed = abs(track.speed) if track.fastest == 0.0 else min(abs(track.speed), track.fastest)
         limit = max(MAX_SPEED_SIGMA * max(speed, LEAST_SPEED * track.fastest), least)
-        settled = sigma <= limit and gate.unconfirmed == 0.0 and sampling.since >= SETTLING
+        near = row.noise == 0.0 or abs(row.reading - track.angle) <= FAR_FROM_READING
+        settled = sigma <= limit and gate.unconfirmed == 0.0 and sampling.since >= SETTLING and near
         row.settled = 1.0 if settled else 0.0
     set_systematic(bank.models, row, track.speed, least)
     add_systematic(row, 1.0)
