@@ -15,7 +15,7 @@ from textile_twin_core.comparison.shaft_track import ShaftTrack
 from textile_twin_core.inference.chain import torque_filter
 from textile_twin_core.inference.map_fit import Fit, map_fit
 from textile_twin_core.inference.measurement import Hypothesis, Measurement
-from textile_twin_core.inference.parameter import BUTTERWORTH, GAIN, HIGH_PASS, LOW_PASS, OFFSET
+from textile_twin_core.inference.parameter import BUTTERWORTH, COULOMB, GAIN, HELD, HIGH_PASS, LOW_PASS, OFFSET
 from textile_twin_core.inference.priors import WorkingPoint, parameters
 from textile_twin_core.inference.record import Record, Standstill
 from textile_twin_core.inference.torque_model import TabulatedTorque
@@ -52,6 +52,20 @@ def test_readings_at_standstill_weigh_the_same_whether_the_inflation_is_known_or
     np.testing.assert_allclose(first.information, again.information, rtol=1e-12)
     np.testing.assert_allclose(first.gradient, again.gradient, rtol=1e-12, atol=1e-12 * np.abs(again.gradient).max())
     np.testing.assert_allclose(first.covariance, again.covariance, rtol=1e-9)
+
+
+def test_values_beside_a_bound_are_the_best_that_the_bound_allows() -> None:
+    """An offset against dry friction of at least zero, both beside readings at standstill, which know their sum."""
+    m = measured(np.where(TIME > 0.0, -4.0, 0.0), standstills=3)
+    off_nominal = (OFFSET, COULOMB, HELD)
+    fit = map_fit(m, AS_CONFIGURED, m.nominal, off_nominal)
+    friction = m.place[COULOMB]
+    assert fit.x[friction] == 0.0
+    others = [name for name in m.names if name != COULOMB]
+    best = map_fit(m, AS_CONFIGURED, fit.x, off_nominal, free=others, iterations=60)
+    sigma = np.sqrt(np.diag(best.covariance))
+    assert np.all(np.abs(fit.x - best.x) < 0.1 * sigma)
+    assert fit.rms < 1.01 * best.rms
 
 
 def test_a_fit_does_not_depend_on_fits_made_before_it() -> None:

@@ -139,7 +139,7 @@ def map_fit(
     for _ in range(iterations):
         normal = here.information / given + here.standing + np.diag(1.0 / variance)
         slope = here.gradient / given + here.standing_gradient - (x - measurement.nominal) / variance
-        trial: FloatArray = np.clip(x + _step(names, index, normal, slope, damping), low, high)
+        trial: FloatArray = np.clip(x + _step(names, index, normal, slope, damping, (low - x, high - x)), low, high)
         cost = _cost(near, hypothesis, trial, variance, given, here)
         if cost < here.cost + 1e-9:
             x, damping = trial, damping / 10.0 if damping > 1e-6 else 0.0
@@ -255,14 +255,32 @@ def _cost(
     return loss * np.count_nonzero(here.good) / count + float(np.sum(huber_loss(standing, 1.0))) + prior
 
 
-def _step(names: tuple[str, ...], index: IntArray, normal: FloatArray, slope: FloatArray, damping: float) -> FloatArray:
-    """Damped step of the free parameters, zero for the others."""
-    inner = normal[np.ix_(index, index)]
-    size = np.sqrt(np.diag(inner))
+def _step(
+    names: tuple[str, ...],
+    index: IntArray,
+    normal: FloatArray,
+    slope: FloatArray,
+    damping: float,
+    room: tuple[FloatArray, FloatArray],
+) -> FloatArray:
+    """Damped step of the free parameters, zero for the others.
+
+    A parameter that would leave its `room` goes to the bound, and the others are solved for again beside it: an offset
+    must take all of a mean torque that a friction of zero cannot (projected Newton, Bertsekas 1982).
+    """
+    size = np.sqrt(np.diag(normal))
+    scaled = normal / np.outer(size, size)
     step = np.zeros(len(names))
-    if index.size:
-        scaled = inner / np.outer(size, size) + damping * np.eye(index.size)
-        step[index] = np.linalg.solve(scaled, slope[index] / size) / size
+    free = index
+    while free.size:
+        side = slope[free] / size[free] - scaled[free] @ (step * size * ~np.isin(np.arange(step.size), free))
+        inner = scaled[np.ix_(free, free)] + damping * np.eye(free.size)
+        step[free] = np.linalg.solve(inner, side) / size[free]
+        inside = (step[free] >= room[0][free]) & (step[free] <= room[1][free])
+        if inside.all():
+            break
+        step = np.clip(step, *room)
+        free = free[inside]
     for name, longest in _LONGEST.items():
         away = abs(step[names.index(name)])
         if away > longest:
