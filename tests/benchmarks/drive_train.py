@@ -46,7 +46,7 @@ STIFFNESSES = {
     16: 4.43e4, 17: 1.38e5, 18: 2.00e4, 19: 1.38e5, 20: 1.22e4,
 }  # fmt: skip
 """Published, in N m/rad, of the piece behind each disc."""
-MOTOR_CLOCK_S = {"step": 0.464, "impulse": 0.163}
+MOTOR_CLOCK_S = {"step": 0.464, "impulse": 0.174}
 """By how much the load motor's clock is behind that of the sensors."""
 START = {
     "soft_stiffness_Nm_rad": 35.0,

@@ -101,3 +101,10 @@ def test_a_single_wrap_is_seen_but_shows_no_unit() -> None:
 def test_an_unknown_unit_is_refused(unit: str) -> None:
     with pytest.raises(ValueError):
         radians_of(unit)
+
+
+def test_a_counter_that_is_reset_at_several_readings_shows_no_turn() -> None:
+    """A plunger counts from -106 to 250, 298, 303 .. 412 and is set to zero there."""
+    tops = [298, 303, 412, 250, 321, 312, 300, 310]
+    counts = np.concatenate([np.arange(-106, 60, 5), *(np.arange(k % 7, top, 5) for k, top in enumerate(tops))])
+    assert not angle_unit(counts.astype(float)).wrapped

@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 import warnings
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import textile_twin_core as ttc
 from tests.generators import mill_recordings
 from tests.generators.configured_machine import configured_machine
 from tests.generators.faults import with_fault
@@ -19,6 +21,7 @@ from textile_twin_core.comparison.assessment import Assessment
 from textile_twin_core.comparison.fault_watch import Alarm, WatchSettings
 from textile_twin_core.comparison.monitor import Monitor, monitor_recording
 from textile_twin_core.comparison.shaft_track import ShaftTrack
+from textile_twin_core.machine import Machine
 
 
 def rocking(turns: float, period_s: float, monkeypatch: pytest.MonkeyPatch) -> tuple[Case, MillRecording]:
@@ -45,6 +48,35 @@ def watched() -> tuple[Case, MillRecording]:
         encoder, torque = replace(case.encoder, rate_hz=250.0), replace(case.torque, rate_hz=250.0)
         case = replace(case, encoder=encoder, torque=torque)
         return case, record(case)
+
+
+PRESS = """\
+name: press
+points: {O: [0, 0]}
+groups:
+  - {type: crank, name: crank, at: O, end: A, length_m: 0.06}
+  - {type: rrp_dyad, rod: rod, slider: slide, from: A, end: B, tip: T, lengths_m: [0.25, 0.05], guide_point_m: [0, 0],
+     guide_direction: [1, 0]}
+gravity_m_s2: [9.81, 0]
+bodies:
+  crank: {mass_kg: 0, inertia_kgm2: 0.05}
+  rod: [{mass_kg: 1, centroid: [0, 0]}, {mass_kg: 1, centroid: [1, 0]}]
+  slide: {mass_kg: 8}
+loads: [{type: shaft_friction, coulomb_Nm: 2}]
+measures: [{type: travel, name: slide, point: B, origin: O, direction: [1, 0]}]
+"""
+
+
+def press_torque(theta: np.ndarray, omega: np.ndarray, alpha: np.ndarray) -> np.ndarray:
+    """Compute the torque of a slider-crank with its rod as two point masses, by its kinetic and potential energy."""
+    crank, rod, moved = 0.06, 0.25, 9.0
+    s, c = np.sin(theta), np.cos(theta)
+    root = np.sqrt(rod**2 - (crank * s) ** 2)
+    first = -crank * s - crank**2 * s * c / root
+    second = -crank * c - crank**2 * ((c * c - s * s) / root + (crank * s * c) ** 2 / root**3)
+    inertia = 0.05 + crank**2 + moved * first**2
+    gravity = -9.81 * (-crank * s + moved * first)
+    return np.asarray(inertia * alpha + moved * first * second * omega**2 + gravity + 2.0 * np.sign(omega))
 
 
 def faulty(made: MillRecording, case: Case, kind: str, size: float) -> MillRecording:
@@ -171,3 +203,29 @@ def test_uncertain_accelerations_are_no_gaps_of_the_angle() -> None:
     without_angle, uncertain = track.gaps
     assert track.time_s[:-1][without_angle] == pytest.approx([10.0], abs=1e-9)
     assert np.count_nonzero(uncertain) == 19
+
+
+@pytest.mark.parametrize(("direction", "sign"), [(1, 1), (-1, 1), (1, -1)])
+def test_direction_and_sign_are_not_distinguished_on_a_press_that_is_its_own_mirror_image(
+    direction: int, sign: int, tmp_path: Path
+) -> None:
+    """The press goes 1.43 turns to and fro."""
+    (tmp_path / "press.yaml").write_text(PRESS)
+    press = ttc.load_machine(tmp_path / "press.yaml")
+    assert isinstance(press, Machine)
+    fast = 2.0 * math.pi**2 * 1.43 / 3.4
+    plan = Plan([(1.7 * k, fast * (-1.0) ** k) for k in range(11)], 0.7)
+    time = np.arange(0.0, 16.0, 0.002)
+    theta, omega, alpha = plan.at(time)
+    noise = 0.08 * np.random.default_rng(3).standard_normal(time.size)
+    step = 2.0 * math.pi / 2**14
+    stamps, angle = np.rint(time * 1e9).astype(np.int64), np.rint(theta / step) * step
+    readings = Readings(stamps, direction * angle, stamps, sign * (press_torque(theta, omega, alpha) + noise))
+    verdict = assess(readings, press).verdict
+    if direction == sign:
+        assert verdict == ()
+    else:
+        (cause,) = verdict
+        other = {"encoder_direction": "sensors.torque.gain", "torque_sign": "sensors.encoder.direction"}
+        assert cause.equivalents == (other[cause.cause],)
+        assert "mirror image" in cause.text

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,7 +33,7 @@ from textile_twin_core.inference.parameter import (
     ZERO,
     gain_factor,
 )
-from textile_twin_core.inference.posterior import IMPLAUSIBLE_NATS
+from textile_twin_core.inference.posterior import IMPLAUSIBLE_NATS, Posterior
 from textile_twin_core.inference.torque_units import nearest_gain
 
 FEWEST_ANGLES = 16.0
@@ -43,6 +43,9 @@ WRONG_FIRST = ("encoder_direction", "encoder_ratio", "angle_unit", "angle_rate",
 NOT_THIS_MACHINE = 0.05
 """Share of the torque, unexplained by this machine, that another machine must be able to explain."""
 _NOTHING_ELSE = 0.25
+_MIRRORED = 1e-3
+"""Largest difference, over the working torque, between a machine and its mirror image that no reading shows."""
+_DIRECTION = ZERO.replace("zero_rad", "direction")
 _SAME = 0.05
 """Relative difference within which an offset in another unit equals the configured one."""
 FOLLOWS_NOTHING = 0.5
@@ -169,27 +172,36 @@ def _other_machine(found: Judged, unexplained: float, unexplained_by_any: float,
 def _discrete(found: Judged) -> list[Cause]:
     """Faults of direction, gear ratio, sign and unit."""
     p, named = found.posterior, []
-    if p.hypothesis.turn * p.configured.turn < 0.0:
+    near, against = nearest_gain(p.hypothesis.gain, p.configured.gain), p.hypothesis.turn * p.configured.turn < 0.0
+    either = against != (near.sign < 0) and _is_own_mirror_image(p)
+    if against:
         text = "the encoder counts against the direction that the machine file says"
-        named.append(
-            Cause(
-                "encoder_direction",
-                text,
-                math.copysign(1.0, p.hypothesis.turn),
-                math.nan,
-                ZERO.replace("zero_rad", "direction"),
-            )
-        )
+        if either:
+            text += ", or the torque's sign is reversed: by its torque this machine is its own mirror image"
+        sense, other = math.copysign(1.0, p.hypothesis.turn), (GAIN,) if either else ()
+        named.append(Cause("encoder_direction", text, sense, math.nan, _DIRECTION, other))
     if found.ratio != 1.0:
         text = f"the shaft turns {found.ratio:.4g} times as far as the machine file says: encoder ratio"
         named.append(Cause("encoder_ratio", text, found.ratio, math.nan, ZERO.replace("zero_rad", "ratio")))
-    near = nearest_gain(p.hypothesis.gain, p.configured.gain)
     if near.sign < 0:
-        named.append(Cause("torque_sign", "torque sign reversed: the gain is negative", -1.0, math.nan, GAIN))
+        text, other = "torque sign reversed: the gain is negative", ()
+        if either:
+            text, other = text + "; or the encoder's direction, as this machine is its own mirror image", (_DIRECTION,)
+        named.append(Cause("torque_sign", text, -1.0, math.nan, GAIN, other))
     if near.unit:
         text = f"the torque looks like {near.unit} instead of N m: {near.factor:.4g} times as large"
         named.append(Cause("torque_unit", text, near.unit, math.nan, GAIN))
     return named
+
+
+def _is_own_mirror_image(p: Posterior) -> bool:
+    """Return true if the other direction with the other sign of the gain expects the same readings."""
+    m, x = p.measurement, p.fit.x.copy()
+    x[m.place[ZERO]] *= -1.0
+    seen = m.expected(p.hypothesis, p.fit.x)
+    other = m.expected(replace(p.hypothesis.turned(-1.0), gain=-p.hypothesis.gain), x)
+    away = (seen.torque_Nm - other.torque_Nm)[seen.good & other.good]
+    return bool(np.sqrt(np.mean(away**2)) < _MIRRORED * abs(p.hypothesis.gain) * m.working_torque_Nm)
 
 
 def _departures(found: Judged) -> list[Cause]:

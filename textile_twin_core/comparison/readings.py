@@ -154,7 +154,8 @@ def angle_unit(angle: FloatArray) -> AngleUnit:
         if abs(turn / known - 1.0) < _NEAR and span <= known * (1.0 + 1e-6) and not _whole_turns(turn, known):
             return AngleUnit(_NAMES[short], known, True, turns.size)
     if turn > 64.0 and bool(np.all(finite == np.rint(finite))):
-        return AngleUnit("counts", _count_of_a_turn(turn, finite, turns.size), True, turns.size)
+        counts = _count_of_a_turn(turn, finite, turns.size)
+        return AngleUnit("counts", counts, True, turns.size) if span <= counts * (1.0 + _NEAR) else unseen
     return unseen
 
 
