@@ -16,7 +16,7 @@ from textile_twin_core.cli.main import main
 from textile_twin_core.recordings import BagWriter, open_bag
 
 MADE = record(healthy("tufting", 921, duration_s=14.0))
-SAID = "the angle begins anew at 360 and looks like degrees, not radians: tell it with --angle-unit deg"
+SAID = "the angle wraps at 360 and looks like degrees, not radians: give --angle-unit deg"
 
 
 def write(path: Path, turn: float = 360.0, torque: bool = False, speeds: bool = False) -> Path:

@@ -47,7 +47,7 @@ def test_round_counts_are_not_taken_for_powers_of_two(counts: int, a_turn: float
     angle = np.mod(turning(12.0, a_turn, seed=counts, run_up=run_up), TURN) * (counts / TURN)
     for whole in (np.floor(angle), np.rint(angle)):
         seen = other_unit(whole)
-        assert seen is not None and seen.option == str(counts) and f"anew at {counts} " in seen.instead
+        assert seen is not None and seen.option == str(counts) and f"wraps at {counts} " in seen.instead
 
 
 @pytest.mark.parametrize("counts", [1250, 1440, 8640])
@@ -75,7 +75,7 @@ def radians() -> dict[str, np.ndarray]:
         "not a number": np.full(100, math.nan),
         "standing": np.full(5000, 3.0),
         "standing, with noise": rest,
-        "standing where it begins anew": np.mod(rest - 3.0, TURN),
+        "standing where it wraps": np.mod(rest - 3.0, TURN),
         "swinging": 0.5 * np.sin(0.01 * theta),
         "set to zero once, near 360": np.concatenate([theta[theta < 359.0], theta[theta < 359.0]]),
         "set to zero now and then": np.concatenate([theta[theta < end] for end in (250.0, 355.0, 120.0, 358.0)]),

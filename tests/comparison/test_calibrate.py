@@ -42,7 +42,7 @@ def test_every_sensor_setting_of_a_loom_is_found_at_once() -> None:
     assert found.gain.value == pytest.approx(1.0, abs=0.01)
     assert found.delay_s.value == pytest.approx(0.008, abs=min(5.0 * found.delay_s.sigma, 6e-4))
     assert found.offset_Nm.value == pytest.approx(-150.0, abs=8.0)
-    assert any("begins anew" in each.text for each in found.ambiguous)
+    assert any("wraps each time" in each.text for each in found.ambiguous)
     again = assess(readings, found.machine)
     assert again.verdict == ()
 

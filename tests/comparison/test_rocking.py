@@ -21,6 +21,7 @@ from textile_twin_core.comparison.assessment import Assessment
 from textile_twin_core.comparison.fault_watch import Alarm, WatchSettings
 from textile_twin_core.comparison.monitor import Monitor, monitor_recording
 from textile_twin_core.comparison.shaft_track import ShaftTrack
+from textile_twin_core.comparison.torque_readings import stuck_readings
 from textile_twin_core.machine import Machine
 
 
@@ -205,13 +206,10 @@ def test_uncertain_accelerations_are_no_gaps_of_the_angle() -> None:
     assert np.count_nonzero(uncertain) == 19
 
 
-@pytest.mark.parametrize(("direction", "sign"), [(1, 1), (-1, 1), (1, -1)])
-def test_direction_and_sign_are_not_distinguished_on_a_press_that_is_its_own_mirror_image(
-    direction: int, sign: int, tmp_path: Path
-) -> None:
-    """The press goes 1.43 turns to and fro."""
-    (tmp_path / "press.yaml").write_text(PRESS)
-    press = ttc.load_machine(tmp_path / "press.yaml")
+def press_readings(folder: Path, direction: int = 1, sign: int = 1) -> tuple[Readings, Machine]:
+    """Record the press while it goes 1.43 turns to and fro."""
+    (folder / "press.yaml").write_text(PRESS)
+    press = ttc.load_machine(folder / "press.yaml")
     assert isinstance(press, Machine)
     fast = 2.0 * math.pi**2 * 1.43 / 3.4
     plan = Plan([(1.7 * k, fast * (-1.0) ** k) for k in range(11)], 0.7)
@@ -220,8 +218,15 @@ def test_direction_and_sign_are_not_distinguished_on_a_press_that_is_its_own_mir
     noise = 0.08 * np.random.default_rng(3).standard_normal(time.size)
     step = 2.0 * math.pi / 2**14
     stamps, angle = np.rint(time * 1e9).astype(np.int64), np.rint(theta / step) * step
-    readings = Readings(stamps, direction * angle, stamps, sign * (press_torque(theta, omega, alpha) + noise))
-    verdict = assess(readings, press).verdict
+    torque = np.round(sign * (press_torque(theta, omega, alpha) + noise), 3)
+    return Readings(stamps, direction * angle, stamps, torque), press
+
+
+@pytest.mark.parametrize(("direction", "sign"), [(1, 1), (-1, 1), (1, -1)])
+def test_direction_and_sign_are_not_distinguished_on_a_press_that_is_its_own_mirror_image(
+    direction: int, sign: int, tmp_path: Path
+) -> None:
+    verdict = assess(*press_readings(tmp_path, direction, sign)).verdict
     if direction == sign:
         assert verdict == ()
     else:
@@ -229,3 +234,24 @@ def test_direction_and_sign_are_not_distinguished_on_a_press_that_is_its_own_mir
         other = {"encoder_direction": "sensors.torque.gain", "torque_sign": "sensors.encoder.direction"}
         assert cause.equivalents == (other[cause.cause],)
         assert "mirror image" in cause.text
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5])
+def test_a_torque_sensor_that_stops_is_said_and_left_out(share: float, tmp_path: Path) -> None:
+    readings, press = press_readings(tmp_path)
+    torque = readings.torque.copy()
+    stopped = round((1.0 - share) * torque.size)
+    torque[stopped:] = torque[stopped]
+    found = assess(replace(readings, torque=torque), press)
+    assert found.verdict == ()
+    seconds = share * 16.0
+    assert any(f"stays at {torque[stopped]:.4g} N m for {seconds:.1f} s" in note for note in found.notes)
+
+
+def test_coarse_readings_and_a_shaft_that_stands_show_no_sensor_that_stopped() -> None:
+    torque = np.round(np.sin(0.05 * np.arange(4000)), 6)
+    torque[1000:2000] = torque[1000]
+    path = 0.03 * np.arange(4000)
+    assert np.flatnonzero(stuck_readings(torque, path)).tolist() == list(range(1000, 2000))
+    assert not stuck_readings(torque, np.where(path > path[1000], path[1000], path)).any()
+    assert not stuck_readings(np.round(torque, 1), path).any()

@@ -371,7 +371,7 @@ def test_remarks_on_a_recording_are_shown_with_it(tmp_path: Path) -> None:
     assert len(back.notes) == 1
     assert np.quantile(np.abs(back.torque_Nm - right.torque_Nm)[known], 0.98) < 0.1  # except at the step of the load
     bag = written(tmp_path / "degrees", degrees=True)
-    assert "tell it with --angle-unit deg" in overlay(bag, machine).notes[0]
+    assert "give --angle-unit deg" in overlay(bag, machine).notes[0]
     mended = overlay(bag, machine, MachineTopics(angle_unit_rad=math.radians(1.0)))
     assert np.quantile(np.abs(mended.torque_Nm - right.torque_Nm)[known], 0.98) < 0.1
     cut = overlay(written(tmp_path / "cut", most_Nm=12.0), machine)

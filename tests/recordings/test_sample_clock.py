@@ -108,3 +108,9 @@ def test_few_samples_and_equal_stamps_say_nothing() -> None:
     assert find_bursts(np.zeros(0, np.int64)) is None
     assert find_bursts(np.zeros(500, np.int64)) is None
     assert find_bursts(np.arange(20) * 2_000_000) is None
+
+
+def test_rows_that_a_logger_wrote_twice_are_no_bursts() -> None:
+    """Every tenth row stands twice."""
+    stamps = np.repeat(np.arange(20_000) * 2_000_000, np.where(np.arange(20_000) % 10, 1, 2))
+    assert find_bursts(stamps, uneven=True) is None

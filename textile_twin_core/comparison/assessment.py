@@ -9,6 +9,7 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.comparison.causes import NOT_THIS_MACHINE, Cause, Quantity, burst_verdict, causes, quantities
+from textile_twin_core.comparison.change_in_time import change_in_time
 from textile_twin_core.comparison.elastic_hypothesis import RIGID_NOTE, elastic_cause, elastic_hypothesis
 from textile_twin_core.comparison.elastic_readings import elastic_torque
 from textile_twin_core.comparison.evidence import REST_SHARE, Evidence, Settings
@@ -22,7 +23,7 @@ from textile_twin_core.comparison.slips import parts_between, slips_of, without_
 from textile_twin_core.comparison.speed_control import torque_by_speed
 from textile_twin_core.comparison.stage import Begin, unheard
 from textile_twin_core.comparison.standstill import standstills
-from textile_twin_core.comparison.torque_readings import TimeLine, fresh_readings, time_lines
+from textile_twin_core.comparison.torque_readings import TimeLine, fresh_readings, stuck_readings, time_lines
 from textile_twin_core.comparison.torque_terms import TorqueTerms
 from textile_twin_core.inference.elastic_posterior import infer_elastic
 from textile_twin_core.inference.measurement import Hypothesis
@@ -67,7 +68,7 @@ _WHEEL = (
 )
 _LIKE_PITCH_ERRORS = ("torque_gain", "load_force")
 _PITCH = (
-    "gain and loads are not judged: the pitch errors of the toothed wheel are not told, and read as acceleration of the"
+    "gain and loads are not judged: the pitch errors of the toothed wheel are unknown, and read as acceleration of the"
     " shaft; give pitch_errors_rad of the encoder in the machine file"
 )
 
@@ -135,7 +136,7 @@ def assess(readings: Readings, machine: Machine, track: ShaftTrack | None = None
     judged = _assess(readings, machine, track, begin)
     judged = replace(judged, verdict=burst_verdict(readings.stamped, judged.verdict))
     if judged.unit.is_other and all(c.cause != "angle_unit" for c in judged.verdict):
-        note = f"{judged.unit.instead}: tell it with --angle-unit {judged.unit.option}"
+        note = f"{judged.unit.instead}: give --angle-unit {judged.unit.option}"
         return replace(judged, notes=(*judged.notes, note))
     return judged
 
@@ -205,6 +206,12 @@ def _judged(
         posterior, by_speed = _inferred(evidence, machine, configured, (beside,))
         if posterior is None:
             return None
+    changing = change_in_time(evidence, posterior)
+    if changing is not None:
+        evidence = replace(evidence, torque_Nm=evidence.torque_Nm - changing.torque_Nm)
+        posterior, by_speed = _inferred(evidence, machine, configured, (1.0,))
+        if posterior is None:
+            return None
     lines = _time_lines(evidence, posterior)
     if lines:
         quiet = evidence.torque_Nm - sum(line.at(evidence.time_s) for line in lines)
@@ -212,7 +219,7 @@ def _judged(
         posterior, by_speed = _inferred(evidence, machine, configured, (1.0,))
         if posterior is None:
             return None
-    return Judged(evidence, posterior, ratio, _encoder_turn(machine), posterior.explained, by_speed, lines)
+    return Judged(evidence, posterior, ratio, _encoder_turn(machine), posterior.explained, by_speed, lines, changing)
 
 
 def _judged_elastically(
@@ -382,6 +389,11 @@ def evidence_of(
     good = np.isfinite(readings.torque)
     good[1:] &= stamps[1:] > np.maximum.accumulate(stamps)[:-1]
     time: np.ndarray = (stamps[good] - origin_ns) * 1e-9
+    _, omega, _, beside_angles = track.at(time)
+    path = np.cumsum(np.where(beside_angles, np.abs(omega), 0.0) * np.diff(time, prepend=time[:1]))
+    stuck = stuck_readings(readings.torque[good], path)
+    stuck_Nm, stuck_s = readings.torque[good][stuck], float(np.diff(time, prepend=time[:1])[stuck].sum())
+    time, good[good] = time[~stuck], ~stuck
     fresh = fresh_readings(time, readings.torque[good])
     time, good[good] = time[fresh], fresh
     fast = track.fast_rad_s
@@ -405,6 +417,7 @@ def evidence_of(
         torque[~inside],
         encoder_turn_rad=encoder_turn,
         ripple=ripple,
+        stuck=(stuck_s, np.unique(stuck_Nm)),
     )
 
 
@@ -483,6 +496,12 @@ def _notes(evidence: Evidence) -> tuple[str, ...]:
     if evidence.at_ends_Nm.size:
         ends = np.unique(evidence.at_ends_Nm)
         notes.append(range_end_note(evidence.at_ends_Nm.size, ends, "the verdict is"))
+    if evidence.stuck[1].size:
+        seconds, values = evidence.stuck[0], " and ".join(f"{value:.4g}" for value in evidence.stuck[1][:_MOST_TOLD])
+        notes.append(
+            f"the torque stays at {values} N m for {seconds:.1f} s while the shaft turns: a sensor or a driver that"
+            " stopped; the verdict is without it"
+        )
     step = np.diff(evidence.track.time_s)
     gaps, uncertain = evidence.track.gaps
     if uncertain.any():
@@ -501,7 +520,7 @@ def _notes(evidence: Evidence) -> tuple[str, ...]:
         listed = ", ".join(f"{np.degrees(by):+.1f} deg at {at:.3f} s" for at, by in evidence.slips[:_MOST_TOLD])
         more = f" and {len(evidence.slips) - _MOST_TOLD} times more" if len(evidence.slips) > _MOST_TOLD else ""
         notes.append(
-            f"the shaft angle leaps as no shaft does, an encoder that slips or was set anew: {listed}{more}, from the"
+            f"the shaft angle leaps as no shaft does, an encoder that slips or was reset: {listed}{more}, from the"
             f" first angle on; the verdict is of the part from {first:.2f} to {last:.2f} s alone"
         )
     elif evidence.track.slips >= SOME_SLIPS:

@@ -337,7 +337,7 @@ def _ambiguous(assessment: Assessment, found: Judged, ratio: float) -> list[Ambi
         ambiguous.append(
             Ambiguity(
                 ("zero_rad",),
-                f"the encoder turns {parts} times in a turn of the shaft and begins anew each time: this zero holds"
+                f"the encoder turns {parts} times in a turn of the shaft and wraps each time: this zero holds"
                 " until it is switched off",
                 "no recording tells; use an encoder on the shaft itself, or one that counts its turns",
             )

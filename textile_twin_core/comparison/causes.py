@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from textile_twin_core.comparison.change_in_time import ChangeInTime
 from textile_twin_core.comparison.judged import Judged
 from textile_twin_core.comparison.readings import AngleUnit, shown_turn
 from textile_twin_core.comparison.stamp_timing import StampTiming
@@ -227,6 +228,8 @@ def _departures(found: Judged) -> list[Cause]:
             continue
         if name == OFFSET and _is_offset_in_unit(found):
             continue
+        if found.changing is not None and name == found.changing.name:
+            continue  # named with its values over time
         if name == ECCENTRIC[1] and ECCENTRIC[0] in p.off_nominal:
             continue  # one cause for both orders
         if name in OF_SHAFT and any(cause.cause == "elastic_shaft" for _, cause in named):
@@ -237,9 +240,11 @@ def _departures(found: Judged) -> list[Cause]:
     blocked = HIGH_PASS in p.hypothesis.filters  # with the mean, dry friction
     if not blocked and abs(friction) > max(p.parameter(COULOMB).threshold, _CERTAIN * sigma):
         named.append((abs(friction), _friction(found)))
+    if found.changing is not None:
+        named.append((float(np.std(found.changing.torque_Nm)), _changing(found, found.changing)))
     for known in p.measurement.parameters:
         # within the tolerance of a force, and still known better than that
-        if known.kind == "force" and known.name not in p.off_nominal:
+        if known.kind == "force" and known.name not in (*p.off_nominal, found.changing and found.changing.name):
             away, sigma = p.departure(known.name), p.sigma(known.name)
             if abs(away) > max(known.threshold, _CERTAIN * sigma):
                 named.append((effects.get(known.name, 0.0), _of_machine(found, known.name)))
@@ -517,6 +522,27 @@ def _of_machine(found: Judged, name: str) -> Cause:
     if relative:
         value, sigma = value / known.nominal, sigma / abs(known.nominal)
     return Cause(_CAUSES[known.kind], text, value, sigma, name, other)
+
+
+def _changing(found: Judged, changing: ChangeInTime) -> Cause:
+    """Cause for a force or a gain that changes within the record; its value is that at the end over the file's."""
+    p = found.posterior
+    known = p.parameter(changing.name)
+    value, sigma, file = p.value(changing.name), p.sigma(changing.name), known.nominal
+    if changing.name == GAIN:  # times the configured one
+        value, file = p.hypothesis.gain / p.configured.gain * gain_factor(value), 1.0
+        begin, end = (value * (1.0 + changing.away[k]) for k in (0, -1))
+    else:
+        begin, end = (value + changing.away[k] for k in (0, -1))
+    unit = f" {known.unit}".rstrip()
+    text = (
+        f"{changing.name} changes within the recording, from {begin:.4g}{unit} at its beginning to"
+        f" {end:.4g} +- {sigma:.2g}{unit} at its end, {'times the one' if changing.name == GAIN else f'{file:.4g}'}"
+        " in the machine file"
+    )
+    text += f"; not distinguishable from {', '.join(changing.equivalents)}" if changing.equivalents else ""
+    cause, scale = "torque_gain" if changing.name == GAIN else _CAUSES[known.kind], file or 1.0
+    return Cause(cause, text, float(end) / scale, sigma / abs(scale), changing.name, changing.equivalents)
 
 
 _ONE: dict[str, Callable[[Judged, str], Cause]] = {

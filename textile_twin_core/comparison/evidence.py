@@ -60,6 +60,7 @@ class Evidence:
     encoder_turn_rad: shaft angle of one turn of the encoder.
     ripple: of the motion, and its uncertainty (see `uncertain_ripple`).
     predicted: torque of an elastic shaft; None for a rigid one.
+    stuck: time [s] in which a stopped sensor repeated a torque, which is left out, and its values [N m].
     """
 
     time_s: FloatArray
@@ -73,6 +74,7 @@ class Evidence:
     encoder_turn_rad: float = TURN
     ripple: Ripple = field(default_factory=Ripple)
     predicted: PredictedTorque | None = None
+    stuck: tuple[float, FloatArray] = field(default_factory=lambda: (0.0, np.empty(0)))
     slow_rad_s: float = field(init=False)
 
     def __post_init__(self) -> None:

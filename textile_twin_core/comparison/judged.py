@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
+from textile_twin_core.comparison.change_in_time import ChangeInTime
 from textile_twin_core.comparison.evidence import Evidence, Settings
 from textile_twin_core.comparison.torque_readings import TimeLine
 from textile_twin_core.inference.parameter import COULOMB, DELAY, DRIFT, GAIN, OFFSET, ROTOR, VISCOUS, ZERO, gain_factor
@@ -32,6 +33,7 @@ class Judged:
         explained: share of the torque's variance that the values of the posterior explain, sample by sample.
         torque_by_speed_Nms: fall of the torque with the speed; where it is not 0, delay and inertia look alike.
         lines: of the torque, fixed in time, that were taken out of it.
+        changing: force or gain that changes within the record, whose change was taken out of the torque.
     """
 
     evidence: Evidence
@@ -41,6 +43,7 @@ class Judged:
     explained: float
     torque_by_speed_Nms: float
     lines: tuple[TimeLine, ...] = ()
+    changing: ChangeInTime | None = None
 
     @cached_property
     def unexplained(self) -> float:

@@ -110,7 +110,7 @@ class AngleUnit:
     @property
     def instead(self) -> str:
         """Description of the angle's apparent unit where radians are expected."""
-        return f"the angle begins anew at {shown_turn(self.turn)} and looks like {self.name}, not radians"
+        return f"the angle wraps at {shown_turn(self.turn)} and looks like {self.name}, not radians"
 
 
 def other_unit(angle: FloatArray) -> AngleUnit | None:

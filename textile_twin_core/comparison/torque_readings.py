@@ -10,9 +10,13 @@ from scipy.ndimage import median_filter
 from scipy.optimize import minimize_scalar
 
 from textile_twin_core.arrays import BoolArray, FloatArray
+from textile_twin_core.comparison.shaft_track import TURN
 
 _FEWEST_RUNS, _REGULAR = 32, 1.5
 """Fewest runs of equal readings that show a slower clock, and the largest ratio of its long to its short runs."""
+_STUCK_RUN, _STUCK_READINGS, _STUCK_TURN, _STUCK_VALUES = 20.0, 50, 0.5, 200
+"""Least length of a run of equal readings that shows a sensor which stopped: over the usual run, in readings, and in
+turns of the shaft meanwhile; fewest different values, since coarse readings stay equal by themselves."""
 _LEAST_HZ, _BINS, _ABOVE = 5.0, 101, 40.0
 """Lowest frequency of a line; bins of the background beside it; least power over that background's median."""
 _MOST_LINES = 6
@@ -52,6 +56,21 @@ def fresh_readings(time_s: FloatArray, torque_Nm: FloatArray) -> BoolArray:
         return every
     short, long = np.percentile(np.diff(time_s[starts]), [10.0, 90.0]).tolist()
     return new if long <= _REGULAR * short else every
+
+
+def stuck_readings(torque_Nm: FloatArray, turned_rad: FloatArray) -> BoolArray:
+    """Mask (m,) of the readings that stay equal while the shaft turns, as of a sensor or a driver that stopped.
+
+    Args:
+        torque_Nm: (m,) readings. turned_rad: (m,) path of the shaft until each.
+    """
+    starts = np.flatnonzero(np.concatenate([[True], torque_Nm[1:] != torque_Nm[:-1]]))
+    if np.unique(torque_Nm).size < _STUCK_VALUES:
+        return np.zeros(torque_Nm.size, np.bool_)
+    lengths = np.diff(np.append(starts, torque_Nm.size))
+    path = turned_rad[starts + lengths - 1] - turned_rad[starts]
+    least = max(_STUCK_RUN * float(np.percentile(lengths, 99.0)), _STUCK_READINGS)
+    return np.repeat((lengths >= least) & (path > _STUCK_TURN * TURN), lengths)
 
 
 def time_lines(

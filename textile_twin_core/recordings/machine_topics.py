@@ -134,7 +134,7 @@ class MachineTopics:
 def unit_notes(angles: AngleSamples) -> list[str]:
     """Warn if recorded angles seem to have another unit than radians; at most one line."""
     seen = other_unit(angles.angles_rad)
-    return [f"topic {angles.topic}: {seen.instead}: tell it with --angle-unit {seen.option}"] if seen else []
+    return [f"topic {angles.topic}: {seen.instead}: give --angle-unit {seen.option}"] if seen else []
 
 
 def without_angle_wraps(angles: AngleSamples, step_rad: float | None) -> AngleSamples:

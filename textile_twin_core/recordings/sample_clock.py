@@ -83,6 +83,7 @@ def find_bursts(stamps_ns: IntArray, uneven: bool = False) -> StampBursts | None
     mean = _local_mean(step)
     short, long = step < SHORT * mean, step > LONG * mean
     if np.mean(short) < SHORT_SHARE or step[long].sum() < LONG_SHARE * step.sum():
+        step = step[step > 0.0]  # rows that a logger wrote twice are no samples
         if not uneven or np.std(step) < UNEVEN_SINGLE * np.mean(step):
             return None
         usual = np.percentile(step, (10.0, 90.0))
