@@ -50,8 +50,9 @@ def change_in_time(evidence: Evidence, posterior: Posterior) -> ChangeInTime | N
         return None
     slopes = every.expected(p.hypothesis, p.fit.x, slopes=True).slopes
     assert slopes is not None
-    ends = evidence.time_s[good][[0, -1]].tolist()
-    hats = np.stack([np.interp(evidence.time_s, np.linspace(*ends, knots), row) for row in np.eye(knots)], 1)
+    inside = evidence.time_s[good]
+    at = np.linspace(float(inside[0]), float(inside[-1]), knots)
+    hats = np.stack([np.interp(evidence.time_s, at, row) for row in np.eye(knots)], 1)
     columns = {name: np.nan_to_num(slopes[:, m.place[name]]) for name in names}
     fits = {name: _fitted(hats * columns[name][:, None], residual, good) for name in names}
     best = min(names, key=lambda name: fits[name][1])
@@ -69,7 +70,7 @@ def change_in_time(evidence: Evidence, posterior: Posterior) -> ChangeInTime | N
 
 def _fitted(columns: FloatArray, residual: FloatArray, good: BoolArray) -> tuple[FloatArray, float]:
     """Coefficients of the columns (m, k), and the mean square of the residual (m,) that they leave."""
-    found = np.linalg.lstsq(columns[good], residual[good], rcond=1e-10)[0]
+    found: FloatArray = np.asarray(np.linalg.lstsq(columns[good], residual[good], rcond=1e-10)[0], np.float64)
     return found, _square((residual - columns @ found)[good])
 
 
