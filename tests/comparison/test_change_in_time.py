@@ -28,6 +28,7 @@ def verdict(force: float, gain: float) -> tuple[Cause, ...]:
     return assess(readings, configured_machine(case)).verdict
 
 
+@pytest.mark.slow
 def test_a_force_that_grows_by_90_percent_is_named_with_its_last_value() -> None:
     (cause,) = verdict(force=0.9, gain=0.0)
     assert cause.cause == "load_force" and cause.parameter == "loads.backing.force_N"
@@ -35,6 +36,7 @@ def test_a_force_that_grows_by_90_percent_is_named_with_its_last_value() -> None
     assert "changes within the recording, from 10" in cause.text
 
 
+@pytest.mark.slow
 def test_a_gain_that_falls_is_named_with_its_last_value() -> None:
     (cause,) = verdict(force=0.0, gain=-0.4)
     assert cause.cause == "torque_gain" and cause.parameter == "sensors.torque.gain"
