@@ -35,6 +35,7 @@ from textile_twin_core.inference.parameter import (
     GAIN,
     HIGH_PASS,
     OFFSET,
+    ROTOR,
     ZERO,
     ModelParameter,
     gain_factor,
@@ -168,21 +169,23 @@ def infer(
         The posterior, or None when no hypothesis gives a fit.
     """
     measurement = measurement_of(record, machine, configured)
-    dense_measurement = measurement if dense is None else measurement.on(dense)
-    fits = hypotheses(measurement, configured, ratios)
+    dense = dense or measurement.record
+    moved, plain = _with_motion(measurement, hypotheses(measurement, configured, ratios))
+    fits = plain
     if instead is not None and fits and record.predicted is None:
-        other = instead(_unsearched(measurement, configured, fits))
+        other = instead(_unsearched(moved, configured, fits))
         if isinstance(other, Posterior):
             return other
         fits = fits if other is None else [other, *fits]
-    found = _searched(measurement, configured, fits)
+    found = _searched(moved, configured, fits)
     if not measurement.model.depends_on_angle() or record.predicted is not None:
         return found  # means over whole turns show no filter; beside an elastic shaft none is searched
-    if found is not None and found.fit.rms < abs(found.hypothesis.gain) * measurement.uncertain_Nm:
+    if found is not None and found.fit.rms < abs(found.hypothesis.gain) * found.measurement.uncertain_Nm:
         return found  # the uncertain motion explains more torque than is left for a filter
-    if found is None or found.explained < _BLOCKED_MEAN or OFFSET in found.off_nominal or _differs(found):
+    if found is None or found.explained < _BLOCKED_MEAN or _is_surprising(found):
         # without the mean of the torque no hypothesis of the others need be near
         blocked = replace(configured, filters=configured.filters | {HIGH_PASS})
+        dense_measurement = measurement.on(dense)
         fits = hypotheses(dense_measurement, blocked, ratios)
         if fits and (
             found is None
@@ -191,12 +194,7 @@ def infer(
         ):
             other = _searched(dense_measurement, blocked, fits)
             found = other if found is None or other is None else _likelier(found, other)
-    return None if found is None else _with_filters(found, dense_measurement)
-
-
-def _differs(found: Posterior) -> bool:
-    """Return true for another direction, ratio, sign or unit than configured."""
-    return (found.hypothesis.turn, found.hypothesis.gain) != (found.configured.turn, found.configured.gain)
+    return None if found is None else _with_filters(found, found.measurement.on(dense))
 
 
 def _unsearched(measurement: Measurement, configured: Hypothesis, fits: list[Fit]) -> Posterior:
@@ -204,6 +202,12 @@ def _unsearched(measurement: Measurement, configured: Hypothesis, fits: list[Fit
     fit = map_fit(measurement, fits[0].hypothesis, fits[0].x, measurement.names)
     choice = Choice(frozenset(measurement.names), fit.log_likelihood, ())
     return Posterior(measurement, configured, fit, choice, fit.log_likelihood, tuple(fits[1:]))
+
+
+def _is_surprising(found: Posterior) -> bool:
+    """Return true for an offset, another direction, ratio, sign or unit than configured, or too many departures."""
+    differs = (found.hypothesis.turn, found.hypothesis.gain) != (found.configured.turn, found.configured.gain)
+    return differs or OFFSET in found.off_nominal or found.prior_cost > IMPLAUSIBLE_NATS
 
 
 def _searched(measurement: Measurement, configured: Hypothesis, fits: list[Fit]) -> Posterior | None:
@@ -272,10 +276,14 @@ def _with_filters(found: Posterior, measurement: Measurement) -> Posterior:
 def _log_evidence(measurement: Measurement, found: Posterior, like: Fit) -> float:
     """Log evidence of a posterior on other samples, with the scale and inflation of another fit."""
     scale, inflation = like.scale, like.inflation
+    x = measurement.nominal.copy()
+    for name in found.measurement.names:  # the uncertain motion may have other orders
+        if name in measurement.place:
+            x[measurement.place[name]] = found.value(name)
     same = map_fit(
         measurement,
         found.hypothesis,
-        found.fit.x,
+        x,
         found.off_nominal,
         iterations=0,
         inflation=inflation,
@@ -329,18 +337,32 @@ def measurement_of(record: Record, machine: Machine, configured: Hypothesis) -> 
     inertia = max(model.mean_inertia + sum(b.inertia_kgm2 for b in machine.bodies if b.is_flywheel), 1e-12)
     scaled, _ = parameters(machine, WorkingPoint(scale, speed, inertia))
     if not model.depends_on_angle():
-        without = tuple(p for p in scaled if p.kind != "eccentricity")
-        return Measurement(measurement.record, model, without, scale)
+        scaled = tuple(p for p in scaled if p.kind != "eccentricity")
     if record.predicted is not None:
         # the observer of an elastic shaft hardly follows a run-out of the encoder, so its torque shows none
         known = (*(p for p in scaled if p.kind != "eccentricity"), *record.predicted.parameters)
         return Measurement(measurement.record, model, known, scale, record.predicted.uncertain_Nm)
-    orders = model.torque_orders(speed)
-    ripple, felt = uncertain_ripple(measurement.record.ripple, orders, inertia, speed, scale)
+    return Measurement(measurement.record, model, scaled, scale)
+
+
+def _with_motion(measurement: Measurement, fits: list[Fit]) -> tuple[Measurement, list[Fit]]:
+    """Return the measurement with what is uncertain of the motion, and the fits with these parameters at zero.
+
+    Its torque grows with the inertia of the likeliest fit: a flywheel that the file lacks may be most of it.
+    """
+    model, record, scale = measurement.model, measurement.record, measurement.working_torque_Nm
+    if not fits or not model.depends_on_angle() or record.predicted is not None:
+        return measurement, fits
+    speed = abs(record.speed_rad_s * fits[0].hypothesis.turn)
+    inertia = model.mean_inertia + float(fits[0].x[measurement.place[ROTOR]])
+    ripple, felt = uncertain_ripple(record.ripple, model.torque_orders(speed), inertia, speed, scale)
+    seen = measurement.expected(replace(fits[0].hypothesis, filters=frozenset()), measurement.nominal)
     # the mean torque shows no gain beside friction
+    torque = seen.torque_Nm[seen.good] / abs(fits[0].hypothesis.gain)
     diluted = felt**2 / max(float(np.var(torque)), scale**2 * 1e-6) if torque.size else 0.0
-    scaled = tuple(with_dilution(p, diluted) if p.name == GAIN else p for p in scaled)
-    return Measurement(measurement.record, model, (*scaled, *ripple), scale, felt, diluted)
+    known = tuple(with_dilution(p, diluted) if p.name == GAIN else p for p in measurement.parameters)
+    wider = Measurement(record, model, (*known, *ripple), scale, felt, diluted)
+    return wider, [replace(fit, x=np.append(fit.x, np.zeros(len(ripple)))) for fit in fits]
 
 
 class _Search:
