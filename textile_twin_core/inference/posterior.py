@@ -170,6 +170,7 @@ def infer(
     """
     measurement = measurement_of(record, machine, configured)
     dense = dense or measurement.record
+    dense = dense or measurement.record
     moved, plain = _with_motion(measurement, hypotheses(measurement, configured, ratios))
     fits = plain
     if instead is not None and fits and record.predicted is None:
@@ -187,11 +188,8 @@ def infer(
         blocked = replace(configured, filters=configured.filters | {HIGH_PASS})
         dense_measurement = measurement.on(dense)
         fits = hypotheses(dense_measurement, blocked, ratios)
-        if fits and (
-            found is None
-            or found.plain != found.off_nominal
-            or 1.0 - fits[0].explained < _CLEARLY * (1.0 - found.explained)
-        ):
+        # like with like: both without departures of bodies
+        if fits and (not plain or 1.0 - fits[0].explained < _CLEARLY * (1.0 - plain[0].explained)):
             other = _searched(dense_measurement, blocked, fits)
             found = other if found is None or other is None else _likelier(found, other)
     return None if found is None else _with_filters(found, found.measurement.on(dense))
