@@ -170,7 +170,6 @@ def infer(
     """
     measurement = measurement_of(record, machine, configured)
     dense = dense or measurement.record
-    dense = dense or measurement.record
     moved, plain = _with_motion(measurement, hypotheses(measurement, configured, ratios))
     fits = plain
     if instead is not None and fits and record.predicted is None:
@@ -187,7 +186,7 @@ def infer(
         # without the mean of the torque no hypothesis of the others need be near
         blocked = replace(configured, filters=configured.filters | {HIGH_PASS})
         dense_measurement = measurement.on(dense)
-        fits = hypotheses(dense_measurement, blocked, ratios)
+        dense_measurement, fits = _with_motion(dense_measurement, hypotheses(dense_measurement, blocked, ratios))
         # like with like: both without departures of bodies
         if fits and (not plain or 1.0 - fits[0].explained < _CLEARLY * (1.0 - plain[0].explained)):
             other = _searched(dense_measurement, blocked, fits)
