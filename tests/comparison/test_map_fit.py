@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy
 
 from tests.generators.configured_machine import configured_machine
 from tests.generators.mill_recordings import healthy, torque_of
@@ -66,6 +67,26 @@ def test_values_beside_a_bound_are_the_best_that_the_bound_allows() -> None:
     sigma = np.sqrt(np.diag(best.covariance))
     assert np.all(np.abs(fit.x - best.x) < 0.1 * sigma)
     assert fit.rms < 1.01 * best.rms
+
+
+def test_a_high_pass_enters_each_run_in_a_state_of_its_own() -> None:
+    """Three runs of a constant speed behind an amplifier that blocks the mean, of which half has not settled."""
+    fine = np.arange(0.0, 40.0, 1e-3)
+    case = healthy("loom", 7)
+    b, a, _ = scipy.signal.cont2discrete((np.array([1.0, 0.0]), np.array([1.0, 2.0 * np.pi * 0.2])), 1e-3, "foh")
+    turning = 16.0 * fine, np.full(fine.size, 16.0), np.zeros(fine.size)
+    torque = scipy.signal.lfilter(np.ravel(b), a, torque_of(case, *turning))
+    m = measured()
+    inside = (TIME < 3.0) | ((TIME > 14.0) & (TIME < 17.0)) | ((TIME > 30.0) & (TIME < 33.0))
+    track = ShaftTrack(TIME, 16.0 * TIME, np.full(TIME.size, 16.0), np.zeros(TIME.size), 0.05)
+    shown = torque[:: fine.size // TIME.size] + 0.05 * np.random.default_rng(8).normal(size=TIME.size)
+    m = m.on(replace(m.record, time_s=TIME[inside], torque_Nm=shown[inside], motion=track)).with_starts()
+    x = m.nominal.copy()
+    x[m.place[HIGH_PASS]] = 0.4
+    fit = map_fit(m, replace(AS_CONFIGURED, filters=frozenset({HIGH_PASS})), x, (HIGH_PASS,), iterations=25)
+    k = m.place[HIGH_PASS]
+    assert abs(fit.x[k] - 0.2) < 3.0 * np.sqrt(fit.covariance[k, k]) < 0.03
+    assert fit.count > 0.9 * np.count_nonzero(inside) and fit.rms < 1.1 * 0.05
 
 
 def test_a_fit_does_not_depend_on_fits_made_before_it() -> None:

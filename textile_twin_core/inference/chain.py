@@ -167,6 +167,17 @@ class EvenGrid:
         values[1:-1] -= _SHARPENED * (values[2:] - 2.0 * values[1:-1] + values[:-2])
         return np.concatenate([chosen.apply(self.period_s, values[run]) for run in self._runs])
 
+    @property
+    def begin_s(self) -> list[float]:
+        """Begin of each run, to a tenth of a second."""
+        return [round(float(self.time_s[run.start]), 1) for run in self._runs]
+
+    def starts(self, high_pass_hz: float) -> FloatArray:
+        """Return what is left at the samples (m, runs) of a unit step at each run's begin behind a high pass."""
+        first = np.array([run.start for run in self._runs])
+        since = self.at_samples(self.time_s)[:, None] - np.array(self.begin_s)
+        return np.where(self._begin[:, None] == first, np.exp(-TURN * high_pass_hz * np.maximum(since, 0.0)), 0.0)
+
     def at_samples(self, values: FloatArray, late_s: float = 0.0, chosen: IntArray | None = None) -> FloatArray:
         """Interpolate values on the grid (g,) or (g, k) at the samples less a time, or at the chosen ones of them."""
         place = self._place if chosen is None else self._place[chosen]

@@ -24,6 +24,7 @@ from textile_twin_core.inference.parameter import (
     LOW_PASS,
     OF_CHAIN,
     OFFSET,
+    START,
     ZERO,
     ModelParameter,
     gain_factor,
@@ -41,6 +42,8 @@ _KEPT = 3
 _FILTER_STEP = 0.02
 """Step of the slopes by a filter's parameter, as a share of its value."""
 _LEAST_FILTER = {LOW_PASS: 1e-3, BUTTERWORTH: 1e-3, HIGH_PASS: 0.05}
+_MOST_STARTS = 8
+"""Most runs of a record whose first state of a high pass is estimated; of more, what settles within them counts."""
 _GUARD_S, _UNCERTAIN = 1e-3, 1e-3
 """Time beside a step of the load within which its side is uncertain; share of the working torque that matters."""
 
@@ -121,6 +124,14 @@ class Measurement:
     def grid(self) -> EvenGrid:
         """Even grid of time on which the torque is filtered."""
         return EvenGrid(self.record.time_s, self.record.speed_rad_s)
+
+    def with_starts(self) -> Measurement:
+        """Return a copy with the state in which a high pass enters each run: none has settled before a run begins."""
+        size, begin = self.working_torque_Nm, self.grid.begin_s
+        names = [f"{START}{each}" for each in begin] if len(begin) <= _MOST_STARTS else []
+        starts = (ModelParameter(name, "motion", 0.0, size, size, size, 0.0, math.inf, "N m") for name in names)
+        of_machine = self.working_torque_Nm, self.uncertain_Nm, self.diluted
+        return Measurement(self.record, self.model, (*self.parameters, *starts), *of_machine)
 
     def off_nominal_chain(self, off_nominal: Collection[str]) -> tuple[str, ...]:
         """Return the names of the chain's parameters that depart, an order's sine with its cosine."""
@@ -292,15 +303,27 @@ class Measurement:
         stacked = np.stack([torque, *(np.where(good, columns[name], 0.0) for name in names)], 1)
         through = self.grid.at_samples(self.grid.through(chosen, stacked))
         out = {name: through[:, 1 + k] for k, name in enumerate(names)}
+        seen, settled = through[:, 0], chosen
+        begun = [f"{START}{each}" for each in self.grid.begin_s] if HIGH_PASS in hypothesis.filters else []
+        if not set(begun) <= set(self.names):
+            begun = []
+        if begun:
+            settled = replace(chosen, high_pass_hz=0.0)
+            starts = self.grid.starts(chosen.high_pass_hz)
+            seen = seen + starts @ np.array([v[name] for name in begun])
+            out |= dict(zip(begun, starts.T, strict=True))
         if names:
             for name in hypothesis.filters:
                 step = _FILTER_STEP * max(v[name], _LEAST_FILTER[name])
                 low, high = max(v[name] - step, 0.0), v[name] + step
                 ends = [self.grid.through(torque_filter({**v, name: each}), torque) for each in (low, high)]
                 out[name] = self.grid.at_samples((ends[1] - ends[0]) / (high - low))
+                if name == HIGH_PASS and begun:
+                    change = (self.grid.starts(high) - self.grid.starts(low)) / (high - low)
+                    out[name] += change @ np.array([v[each] for each in begun])
         low_pass = torque_filter({**v, HIGH_PASS: 0.0})
         uncertain = np.abs(self.grid.at_samples(self.grid.through(low_pass, np.where(good, sigma, 0.0))))
-        return through[:, 0], uncertain, self.grid.at_samples(theta), self.grid.settled(chosen, good), out
+        return seen, uncertain, self.grid.at_samples(theta), self.grid.settled(settled, good), out
 
     def residual(self, hypothesis: Hypothesis, x: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Return the residual torque of each sample, and a mask of the usable ones, away from steps of the load."""

@@ -27,6 +27,8 @@ MOTION = "motion.order"
 """Prefix of the ripple of the shaft's angle that the readings leave uncertain; no number of the file."""
 OF_CHAIN = ("eccentricity", "low_pass", "high_pass")
 """Kinds of the parameters of the measuring chain beside zero, delay, gain and offset."""
+START = "motion.start"
+"""Prefix of the state in which a high pass enters each run of a record; no number of the file."""
 OF_LOAD = ".load"
 """Suffix of the ripple that loads cause, whose angle is inverse to the squared speed."""
 HELD = "standstill.held_Nm"

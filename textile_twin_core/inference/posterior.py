@@ -185,7 +185,7 @@ def infer(
     if found is None or found.explained < _BLOCKED_MEAN or _is_surprising(found):
         # without the mean of the torque no hypothesis of the others need be near
         blocked = replace(configured, filters=configured.filters | {HIGH_PASS})
-        dense_measurement = measurement.on(dense)
+        dense_measurement = measurement.on(dense).with_starts()
         dense_measurement, fits = _with_motion(dense_measurement, hypotheses(dense_measurement, blocked, ratios))
         # like with like: both without departures of bodies
         if fits and (not plain or 1.0 - fits[0].explained < _CLEARLY * (1.0 - plain[0].explained)):

@@ -21,6 +21,7 @@ from textile_twin_core.inference.parameter import (
     LOW_PASS,
     ROTOR,
     SENSORS,
+    START,
     ZERO,
     gain_factor,
     gain_value,
@@ -66,6 +67,7 @@ def hypotheses(measurement: Measurement, configured: Hypothesis, ratios: tuple[f
     if measurement.record.one_speed and measurement.model.depends_on_angle():
         free -= {DELAY}  # which is a zero there
     free |= configured.filters
+    free |= {name for name in measurement.names if name.startswith(START)}
     coarse = measurement
     if (
         not measurement.record.block_s
