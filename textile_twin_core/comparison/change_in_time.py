@@ -8,15 +8,14 @@ import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray
 from textile_twin_core.comparison.evidence import Evidence
-from textile_twin_core.inference.parameter import CURVE, GAIN, gain_factor
+from textile_twin_core.dynamics.loads import Backing, ShaftFriction
+from textile_twin_core.inference.parameter import GAIN, gain_factor
 from textile_twin_core.inference.posterior import Posterior
 
 _MOST_KNOTS, _TURNS_A_KNOT = 8, 5.0
 """Most knots of the value over time, and fewest turns between two of them."""
 _EXPLAINS = 0.5
 """Largest share of the residual's mean square that a change may leave."""
-_OF_LOADS = (CURVE, "load", "spring")
-"""Kinds of the values of loads that are not tried."""
 _ALIKE = 1.5
 """Ratio of what two changes leave below which they are not distinguished."""
 
@@ -58,8 +57,8 @@ def change_in_time(evidence: Evidence, posterior: Posterior) -> ChangeInTime | N
     columns = {name: np.nan_to_num(slopes[:, m.place[name]]) for name in names}
     fits = {name: _fitted(hats * columns[name][:, None], residual, good) for name in names}
     best = min(names, key=lambda name: fits[name][1])
-    if best == GAIN and any(known.kind in _OF_LOADS for known in m.parameters):
-        return None  # such a load may change, too, and is no single value
+    if best == GAIN and any(not isinstance(load, Backing | ShaftFriction) for load in m.model.machine.loads):
+        return None  # a law or a spring may change, too, and is no single value
     away, left = fits[best]
     if left >= _EXPLAINS * _square(residual[good]) or np.ptp(away) < p.parameter(best).threshold:
         return None
