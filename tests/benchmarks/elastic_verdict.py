@@ -21,8 +21,8 @@ from tests.generators.configured_machine import configured_machine
 from tests.generators.elastic_shaft import Record, WideMachine, simulate
 from tests.generators.mill_recordings import Encoder, TorqueSensor, healthy, record
 from textile_twin_core.comparison import Readings, assess
-from textile_twin_core.comparison.assessment import configured_settings, gather
 from textile_twin_core.comparison.elastic_hypothesis import elastic_hypothesis
+from textile_twin_core.comparison.gather import configured_settings, gather
 from textile_twin_core.comparison.readings import angle_unit
 from textile_twin_core.comparison.torque_terms import TorqueTerms
 from textile_twin_core.machine import ShaftPlace

@@ -21,7 +21,7 @@ from tests.generators.configured_machine import configured_machine
 from tests.generators.mill_recordings import Case, healthy, record
 from tests.generators.speed_controlled_motion import speed_controlled_motion
 from textile_twin_core.comparison import Assessment, Calibration, Estimate, Readings, assess, calibrate, identify
-from textile_twin_core.comparison.causes import Cause
+from textile_twin_core.comparison.cause import Cause
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.inference.parameter import COULOMB, DELAY, GAIN, ROTOR, VISCOUS
 from textile_twin_core.recordings.logged_run import evenly_timed

@@ -20,7 +20,7 @@ from tests.generators.multibody import Floats
 from tests.generators.planned_motion import Plan
 from tests.generators.shaft_law import LOOM_FILE
 from textile_twin_core.comparison import Calibration, Readings, assess, calibrate
-from textile_twin_core.comparison.causes import Cause
+from textile_twin_core.comparison.cause import Cause
 from textile_twin_core.comparison.identification import check_sensors
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.recordings import open_bag

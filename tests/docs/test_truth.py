@@ -17,7 +17,7 @@ from tests.docs.pages import PAGES, ROOT, blocks, prose
 from tests.docs.test_verdict_page import printed_causes
 from textile_twin_core.cli.main import COMMANDS, module_of
 from textile_twin_core.comparison.calibration import Ambiguity
-from textile_twin_core.comparison.causes import Cause
+from textile_twin_core.comparison.cause import Cause
 from textile_twin_core.comparison.fault_watch import Alarm
 from textile_twin_core.files.machine_file import load_machine_file as load_machine
 from textile_twin_core.inference.parameter import BESIDE, ECCENTRICITY, HELD, OF_CHAIN, SENSORS

@@ -14,7 +14,7 @@ from tests.campaign import more
 from tests.comparison.burst_judge import judged
 from tests.generators.bridged_samples import FRICTION_NM, LAG_S, Sampled, bridged, sampled, write_samples
 from textile_twin_core.cli.main import main
-from textile_twin_core.comparison.causes import NOT_JUDGED
+from textile_twin_core.comparison.cause import NOT_JUDGED
 from textile_twin_core.recordings import open_bag
 
 MACHINE = ttc.machines.tufting()

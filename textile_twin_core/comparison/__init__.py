@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from textile_twin_core.comparison.assessment import Assessment, assess
     from textile_twin_core.comparison.by_angle import AngleBins, RevolutionErrors, RunningAngleBins
     from textile_twin_core.comparison.calibration import Calibration, calibrate
-    from textile_twin_core.comparison.causes import Cause
+    from textile_twin_core.comparison.cause import Cause
     from textile_twin_core.comparison.compare import compare_torque
     from textile_twin_core.comparison.delay import SensorFit
     from textile_twin_core.comparison.identification import Identification, identify

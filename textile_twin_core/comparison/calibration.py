@@ -10,8 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from textile_twin_core.comparison.assessment import Assessment, assess, hypothesis_of
-from textile_twin_core.comparison.causes import NOT_THIS_MACHINE, WRONG_FIRST
+from textile_twin_core.comparison.assessment import Assessment, assess
+from textile_twin_core.comparison.cause import WRONG_FIRST
+from textile_twin_core.comparison.causes import NOT_THIS_MACHINE
+from textile_twin_core.comparison.gather import hypothesis_of
 from textile_twin_core.comparison.judged import Judged
 from textile_twin_core.comparison.readings import Readings
 from textile_twin_core.comparison.result import plain

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from textile_twin_core.comparison.assessment import assess, hypothesis_of, record_of
+from textile_twin_core.comparison.assessment import assess
 from textile_twin_core.comparison.force_law import key_of, notes_of, with_law
+from textile_twin_core.comparison.gather import hypothesis_of, record_of
 from textile_twin_core.comparison.identifiable import NotIdentifiable
 from textile_twin_core.comparison.identification import Identification, check_sensors
 from textile_twin_core.comparison.identified_machine import ALWAYS

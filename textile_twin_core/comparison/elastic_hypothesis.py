@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from textile_twin_core.arrays import ComplexArray, FloatArray
-from textile_twin_core.comparison.causes import Cause
+from textile_twin_core.comparison.cause import Cause
 from textile_twin_core.comparison.evidence import Evidence, Settings
 from textile_twin_core.comparison.shaft_track import TURN
 from textile_twin_core.driveline import elastic_shaft

@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.comparison.assessment import Assessment, assess, hypothesis_of, record_of
+from textile_twin_core.comparison.assessment import Assessment, assess
 from textile_twin_core.comparison.calibration import calibration_refusal
-from textile_twin_core.comparison.causes import WRONG_FIRST
+from textile_twin_core.comparison.cause import WRONG_FIRST
 from textile_twin_core.comparison.event_angle import event_angle
+from textile_twin_core.comparison.gather import hypothesis_of, record_of
 from textile_twin_core.comparison.identifiable import NotIdentifiable, identifiable
 from textile_twin_core.comparison.identified_machine import Candidates
 from textile_twin_core.comparison.instrumented_fit import instrumented_fit

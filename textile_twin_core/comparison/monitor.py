@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
-from textile_twin_core.comparison.assessment import configured_settings
 from textile_twin_core.comparison.expected_reading import filtered_at
 from textile_twin_core.comparison.fault_band import SERIES
 from textile_twin_core.comparison.fault_signatures import (
@@ -25,6 +24,7 @@ from textile_twin_core.comparison.fault_signatures import (
     turn_features,
 )
 from textile_twin_core.comparison.fault_watch import Alarm, FaultWatch, WatchSettings
+from textile_twin_core.comparison.gather import configured_settings
 from textile_twin_core.comparison.inputs import usable_measurements
 from textile_twin_core.comparison.motion_cycles import Reversals, WatchedSpan, labelled, numbers
 from textile_twin_core.comparison.process_force import ProcessForce

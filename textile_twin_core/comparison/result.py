@@ -19,7 +19,7 @@ from textile_twin_core.inference.force_law import LearnedCurve
 from textile_twin_core.machine import Event
 
 if TYPE_CHECKING:
-    from textile_twin_core.comparison.causes import Cause, Quantity
+    from textile_twin_core.comparison.cause import Cause, Quantity
 
 
 @dataclass(frozen=True)
