@@ -21,7 +21,7 @@ from textile_twin_core.inference.elastic_torque import (
     INERTIA,
     OF_SHAFT,
     STIFFNESS,
-    PredictedTorque,
+    LinearisedTorque,
     shaft_values,
     with_shaft_values,
 )
@@ -105,7 +105,7 @@ def test_a_predicted_torque_is_cubic_between_readings_and_linear_in_its_paramete
     usable = np.ones(199, np.bool_)
     usable[50] = False
     about = {INERTIA: 2.0}
-    torque = PredictedTorque(time, np.sin(w * time), w * np.cos(w * time), usable, (), about, slopes, rates, {}, 0.0)
+    torque = LinearisedTorque(time, np.sin(w * time), w * np.cos(w * time), usable, (), about, slopes, rates, {}, 0.0)
     between = np.linspace(0.0, 0.199, 1234)
     found, slope, good, columns = torque.at(between, {name: 2.5 for name in OF_SHAFT}, True)
     assert good.sum() == np.count_nonzero((between < 0.05) | (between >= 0.051))

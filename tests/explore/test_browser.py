@@ -138,7 +138,6 @@ def test_a_knot_of_a_force_curve_is_dragged_and_undone(browser: Page, tmp_path: 
     law = ForceCurve("cloth", "needle_position_m", (0.559, 0.565, 0.58), (500.0, 600.0, 500.0), (200.0,) * 3)
     file.write_text(yaml.safe_dump(machine_document(replace(ttc.machines.tufting(), loads=(law,)))))
     with served(str(file)) as (_, address):
-        page.driver.execute_script("sessionStorage.clear()")
         page.open(address)
         knot, peak, line = (
             page.find("[data-knot='cloth/in/1']"),
@@ -166,7 +165,6 @@ def test_a_knot_of_a_force_curve_is_dragged_and_undone(browser: Page, tmp_path: 
 def test_hands_on_the_tufting_machine_under_its_recording(browser: Page) -> None:
     page = browser
     with served("tufting", "--recording", str(BAG)) as (_, address):
-        page.driver.execute_script("sessionStorage.clear()")
         page.open(address)
         assert len(page.find("#charts .recording").get_attribute("d") or "") > 1000
         linkage = page.find("#linkage")

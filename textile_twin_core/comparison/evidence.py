@@ -11,7 +11,7 @@ from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
 from textile_twin_core.comparison.torque_terms import TorqueTerms
 from textile_twin_core.inference import blocks
-from textile_twin_core.inference.elastic_torque import PredictedTorque
+from textile_twin_core.inference.elastic_torque import LinearisedTorque
 from textile_twin_core.inference.record import Ripple
 
 _MOST_SAMPLES = 8000
@@ -73,7 +73,7 @@ class Evidence:
     block_s: float = 0.0
     encoder_turn_rad: float = TURN
     ripple: Ripple = field(default_factory=Ripple)
-    predicted: PredictedTorque | None = None
+    predicted: LinearisedTorque | None = None
     stuck: tuple[float, FloatArray] = field(default_factory=lambda: (0.0, np.empty(0)))
     slow_rad_s: float = field(init=False)
 

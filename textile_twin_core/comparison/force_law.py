@@ -87,7 +87,7 @@ class ForceLaws:
             p, fit = law.posterior, law.posterior.fit
             m = unsearched.measurement.on(p.measurement.record)
             x = m.nominal.copy()
-            for name in LAW_SENSORS & set(m.names):
+            for name in (LAW_SENSORS | p.hypothesis.filters) & set(m.names):
                 x[m.place[name]] = p.value(name)
             nested = map_fit(m, p.hypothesis, x, m.names, inflation=fit.inflation, scale=fit.scale)
             bound = map_fit(
@@ -100,7 +100,8 @@ class ForceLaws:
                 scale=fit.scale,
             )
             if p.log_evidence + _LOG_ODDS < nested.log_likelihood:
-                return nested
+                # a filter is searched after the departures, on samples at an even rate
+                return nested if p.hypothesis.filters == unsearched.hypothesis.filters else None
             likelier = p.log_evidence + _LOG_ODDS > bound.log_likelihood
             if likelier and fit.inflation < WHITE and self._holds(p, _TRIED):
                 return p
@@ -128,7 +129,7 @@ class ForceLaws:
                 place, rest = place_of(machine, name)
                 self._learned[name, p.hypothesis] = likely_curve(p, rest, place, max(_AT_FIRST, least), self._runs)
         laws = (self._learned[name, p.hypothesis] for name in _names(machine))
-        return [law for law in laws if law is not None]
+        return [law for law in laws if law is not None and law.curve.varies]
 
     def _judged(self, p: Posterior) -> Judged:
         return Judged(self._evidence, p, 1.0, self._turn_rad, p.explained, 0.0)

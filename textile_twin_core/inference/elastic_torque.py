@@ -39,7 +39,7 @@ Run: TypeAlias = tuple[FloatArray, FloatArray, BoolArray, FloatArray]
 
 
 @dataclass(frozen=True)
-class PredictedTorque:
+class LinearisedTorque:
     """Torque of the sensor's piece at the times of the readings (n,), linear about values of its parameters.
 
     Attributes:
@@ -153,7 +153,7 @@ class ElasticTorque:
         sigma = abs(float(factor)) * observed.found["sigma"]
         return factor * motion.pieces[:, piece], factor * rate, observed.found["rung"] > 0.5, sigma
 
-    def linearised(self, values: Mapping[str, float], names: Collection[str]) -> PredictedTorque:
+    def linearised(self, values: Mapping[str, float], names: Collection[str]) -> LinearisedTorque:
         """Predict about these values, with new slopes by the named parameters and the last known ones by others."""
         here = {name: values.get(name, self.parameters[name].nominal) for name in self.names}
         torque, rate, settled, sigma = self.run(here)
@@ -179,7 +179,9 @@ class ElasticTorque:
         usable = settled[1:] & settled[:-1] & (apart < _APART * float(np.median(apart)))
         uncertain = float(np.median(sigma[1:][usable])) if usable.any() else 0.0
         start = {**values, **about}
-        return PredictedTorque(self.time_s, torque, rate, usable, self.of_shaft, about, slopes, rates, start, uncertain)
+        return LinearisedTorque(
+            self.time_s, torque, rate, usable, self.of_shaft, about, slopes, rates, start, uncertain
+        )
 
     def _shaft_with(self, values: Mapping[str, float]) -> ElasticShaft:
         """The shaft with these values of the parameters."""

@@ -83,6 +83,8 @@ _WORKING_SAMPLES: Final = 3000
 """Samples of all fits but the last."""
 SENSORS: Final = frozenset((ZERO, DELAY, GAIN, OFFSET, COULOMB, VISCOUS))
 """Parameters that every law is fitted with."""
+_CONSTANT: Final = 0.02
+"""Variation of a force over its peak up to which it is a constant one: so near is a curve known."""
 _DETERMINED: Final = 0.1
 """Standard deviation over the curve's peak above which a knot counts as not determined."""
 
@@ -121,6 +123,12 @@ class LearnedCurve:
     def peak_N(self) -> float:
         """Largest force."""
         return float(max(np.max(np.abs(self.in_N)), np.max(np.abs(self.out_N))))
+
+    @property
+    def varies(self) -> bool:
+        """True unless the force is a constant one to what a curve is known."""
+        force = np.concatenate([self.in_N, self.out_N])
+        return float(np.ptp(force)) > _CONSTANT * self.peak_N
 
     def undetermined(self, growing: bool = True) -> BoolArray:
         """(k,) mask of the knots whose force the record does not determine."""

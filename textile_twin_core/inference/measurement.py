@@ -15,6 +15,7 @@ from textile_twin_core.inference import blocks
 from textile_twin_core.inference.chain import GRID_SPREAD, AngleRipple, EvenGrid, State, torque_filter
 from textile_twin_core.inference.parameter import (
     BUTTERWORTH,
+    COULOMB,
     DELAY,
     DRIFT,
     ECCENTRIC,
@@ -355,7 +356,8 @@ class Measurement:
     ) -> tuple[FloatArray, FloatArray | None]:
         """Residuals (s,) of the readings at standstill over their standard deviations, and slopes (s, k) of the model.
 
-        The torque is then due to weight, springs and the sensor's offset; a brake may hold more.
+        The torque is then due to weight, springs and the sensor's offset; a brake may hold more. What the loads
+        add in one direction and take in the other may be anything between.
         """
         rests = self.record.standstills
         if not rests or HIGH_PASS in hypothesis.filters:
@@ -367,7 +369,10 @@ class Measurement:
         theta = hypothesis.turn * own - hypothesis.zero_rad - v[ZERO]
         none = np.zeros_like(theta)
         gain = hypothesis.gain * gain_factor(v[GAIN])
-        found = self.model.torque(v, (theta, none, none), self.model.table(v, self.about), slopes, way=none)
+        rest, table = (theta, none, none), self.model.table(v, self.about)
+        found = self.model.torque(v, rest, table, slopes, way=none)
+        ways = (self.model.torque({**v, COULOMB: 0.0}, rest, table, way=none + way).torque_Nm for way in (1.0, -1.0))
+        sigma = np.hypot(sigma, 0.5 * gain * np.subtract(*ways))
         held = gain * (found.torque_Nm + v[HELD])
         residual = (shown - held - hypothesis.shown_offset(v[OFFSET])) / sigma
         if not slopes:

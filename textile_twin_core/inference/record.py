@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray
-from textile_twin_core.inference.elastic_torque import PredictedTorque
+from textile_twin_core.inference.elastic_torque import LinearisedTorque
 
 MOST_SAMPLES = 12_000
 """Most samples of the turning shaft in a fit; of longer records it takes this number, evenly."""
@@ -74,7 +74,7 @@ class Record:
     block_s: float = 0.0
     shaft_per_encoder: float = 1.0
     ripple: Ripple = field(default_factory=lambda: Ripple())
-    predicted: PredictedTorque | None = None
+    predicted: LinearisedTorque | None = None
 
     def thinned(self, most: int) -> Record:
         """Return a copy with at most `most` samples, each by itself."""
