@@ -162,6 +162,7 @@ class CurvedTorque(TabulatedTorque):
         speed_rad_s: float,
     ) -> None:
         super().__init__(machine, known, slots)
+        self.has_laws = True
         self.place, self.speed_rad_s = place, abs(speed_rad_s)
         self.power: Literal[0, 1, 2] = 0
         self.spread_rad = _COARSE_RAD

@@ -356,8 +356,8 @@ class Measurement:
     ) -> tuple[FloatArray, FloatArray | None]:
         """Residuals (s,) of the readings at standstill over their standard deviations, and slopes (s, k) of the model.
 
-        The torque is then due to weight, springs and the sensor's offset; a brake may hold more. What the loads
-        add in one direction and take in the other may be anything between.
+        The torque is then due to weight, springs and the sensor's offset; a brake may hold more. What a force
+        law adds in one direction and takes in the other may be anything between.
         """
         rests = self.record.standstills
         if not rests or HIGH_PASS in hypothesis.filters:
@@ -371,8 +371,11 @@ class Measurement:
         gain = hypothesis.gain * gain_factor(v[GAIN])
         rest, table = (theta, none, none), self.model.table(v, self.about)
         found = self.model.torque(v, rest, table, slopes, way=none)
-        ways = (self.model.torque({**v, COULOMB: 0.0}, rest, table, way=none + way).torque_Nm for way in (1.0, -1.0))
-        sigma = np.hypot(sigma, 0.5 * gain * np.subtract(*ways))
+        if self.model.has_laws:
+            ways = (
+                self.model.torque({**v, COULOMB: 0.0}, rest, table, way=none + way).torque_Nm for way in (1.0, -1.0)
+            )
+            sigma = np.hypot(sigma, 0.5 * gain * np.subtract(*ways))
         held = gain * (found.torque_Nm + v[HELD])
         residual = (shown - held - hypothesis.shown_offset(v[OFFSET])) / sigma
         if not slopes:

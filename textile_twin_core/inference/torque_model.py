@@ -85,6 +85,9 @@ class TabulatedTorque:
         machine: the machine; its sensors are not used.
         parameters: the parameters of the slopes.
         slots: of the parameters in the machine's declaration.
+
+    Attributes:
+        has_laws: true if a force depends on a measure.
     """
 
     coarse_rad = SPREAD_RAD
@@ -99,6 +102,7 @@ class TabulatedTorque:
             for place, load in enumerate(machine.loads)
             if isinstance(load, Backing)
         ]
+        self.has_laws = any(isinstance(load, ForceCurve) for load in machine.loads)
         self._curves = [load for load in machine.loads if isinstance(load, ForceCurve) and load.steps]
         of_backings = {name for each in self._of_backing for name in each.values()}
         self.tabulated = [p for p in self.parameters if p.name in slots and p.name not in of_backings]
