@@ -146,7 +146,7 @@ def unusable_reason(evidence: Evidence) -> str:
     track = evidence.track
     if track.turns < FEWEST_TURNS:
         still = "the shaft stands still" if track.turns < 0.02 else f"the shaft makes {track.turns:.2f} of a turn"
-        return f"{still} in this recording: no settings can be told from less than a turn; record at working speed"
+        return f"{still} in this recording: less than a turn determines no setting; record at working speed"
     usable = track.at(evidence.time_s)[3]
     if np.count_nonzero(usable) < 64:
         return (

@@ -173,7 +173,7 @@ class EvenGrid:
         return [round(float(self.time_s[run.start]), 1) for run in self._runs]
 
     def starts(self, high_pass_hz: float) -> FloatArray:
-        """Return what is left at the samples (m, runs) of a unit step at each run's begin behind a high pass."""
+        """Return the response of a high pass at the samples (m, runs) to a unit step at each run's begin."""
         first = np.array([run.start for run in self._runs])
         since = self.at_samples(self.time_s)[:, None] - np.array(self.begin_s)
         return np.where(self._begin[:, None] == first, np.exp(-TURN * high_pass_hz * np.maximum(since, 0.0)), 0.0)
