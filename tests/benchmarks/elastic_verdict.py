@@ -22,9 +22,8 @@ from tests.generators.elastic_shaft import Record, WideMachine, simulate
 from tests.generators.mill_recordings import Encoder, TorqueSensor, healthy, record
 from textile_twin_core.comparison import Readings, assess
 from textile_twin_core.comparison.elastic_hypothesis import elastic_hypothesis
-from textile_twin_core.comparison.gather import configured_settings, gather
+from textile_twin_core.comparison.gather import gather, hypothesis_of
 from textile_twin_core.comparison.readings import angle_unit
-from textile_twin_core.comparison.torque_terms import TorqueTerms
 from textile_twin_core.machine import ShaftPlace
 
 SECONDS = 5.0
@@ -106,8 +105,8 @@ def rigid(seed: int) -> None:
         )
         made, machine = record(case), configured_machine(case)
         readings = Readings(made.angle_stamps_ns, made.angle, made.torque_stamps_ns, made.torque)
-        evidence = gather(readings, machine, TorqueTerms(machine), angle_unit(readings.angle))
-        if elastic_hypothesis(evidence, machine, configured_settings(machine)) is not None:
+        evidence = gather(readings, machine, angle_unit(readings.angle))
+        if elastic_hypothesis(evidence, machine, hypothesis_of(machine)) is not None:
             accused.append(case)
     print(f"{len(accused)} of {RIGID} healthy rigid records accused of an elastic shaft")
     for case in accused:

@@ -15,7 +15,6 @@ from textile_twin_core.comparison.elastic_readings import elastic_torque
 from textile_twin_core.comparison.evidence import Evidence
 from textile_twin_core.comparison.force_law import ForceLawCause, ForceLaws, cause_of
 from textile_twin_core.comparison.gather import (
-    configured_settings,
     evidence_of,
     gather,
     hypothesis_of,
@@ -29,7 +28,6 @@ from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
 from textile_twin_core.comparison.speed_control import torque_by_speed
 from textile_twin_core.comparison.stage import Begin, unheard
 from textile_twin_core.comparison.torque_readings import TimeLine, time_lines
-from textile_twin_core.comparison.torque_terms import TorqueTerms
 from textile_twin_core.inference.elastic_posterior import infer_elastic
 from textile_twin_core.inference.measurement import Hypothesis
 from textile_twin_core.inference.parameter import (
@@ -138,16 +136,15 @@ def assess(readings: Readings, machine: Machine, track: ShaftTrack | None = None
 
 def _assess(readings: Readings, machine: Machine, track: ShaftTrack | None, begin: Begin) -> Assessment:
     unit = _unit(readings)
-    terms = TorqueTerms(machine)
     if track is not None and unit.name == "radians":
         origin = int(readings.angle_stamps_ns[0])
-        evidence = evidence_of(readings, track, terms, origin, machine.sensors.encoder, unit)
+        evidence = evidence_of(readings, track, origin, machine.sensors.encoder, unit)
     else:
-        evidence = gather(readings, machine, terms, unit)
+        evidence = gather(readings, machine, unit)
     reason = unusable_reason(evidence)
     if reason:
         return Assessment(unit, None, (), (reason,))
-    twisting = elastic_hypothesis(evidence, machine, configured_settings(machine))
+    twisting = elastic_hypothesis(evidence, machine, hypothesis_of(machine))
     if twisting is not None:
         # Fits of a rigid machine would explain the vibration by false inertias and sensors.
         return Assessment(unit, None, (elastic_cause(twisting),), (RIGID_NOTE,))
@@ -155,13 +152,13 @@ def _assess(readings: Readings, machine: Machine, track: ShaftTrack | None, begi
     if machine.shaft is not None and not readings.as_rigid:
         found = _judged_elastically(readings, machine, unit, evidence, begin)
     if found is None or found.explained < _WELL:
-        rigid = _judged(readings, machine, terms, unit, evidence)
+        rigid = _judged(readings, machine, unit, evidence)
         if found is None or (rigid is not None and rigid.explained > found.explained):
             found = rigid
     # without a linkage another unit of the angle is the same as another inertia
     rotor = found is not None and found.whole_turns
     if not unit.wrapped and not rotor and (found is None or found.explained < _WELL):
-        unit, found = _other_unit(readings, machine, terms, (unit, found))
+        unit, found = _other_unit(readings, machine, (unit, found))
     if found is None:
         return Assessment(unit, None, (), ("no setting of encoder and torque sensor gives any accord",))
     law = cause_of(found, machine)
@@ -186,9 +183,7 @@ def _assess(readings: Readings, machine: Machine, track: ShaftTrack | None, begi
     return Assessment(unit, found, tuple(named), notes, quantities(found, named), law)
 
 
-def _judged(
-    readings: Readings, machine: Machine, terms: TorqueTerms, unit: AngleUnit, evidence: Evidence
-) -> Judged | None:
+def _judged(readings: Readings, machine: Machine, unit: AngleUnit, evidence: Evidence) -> Judged | None:
     """Infer the record's posterior; for another gear ratio estimate the shaft's motion again."""
     configured, ratio = hypothesis_of(machine), 1.0
     posterior, by_speed = _inferred(evidence, machine, configured, RATIOS)
@@ -196,7 +191,7 @@ def _judged(
         return None
     beside = abs(posterior.hypothesis.turn / configured.turn)
     if abs(beside - 1.0) > 1e-9:
-        evidence = gather(readings, machine, terms, unit, beside)
+        evidence = gather(readings, machine, unit, beside)
         configured, ratio = replace(configured, turn=configured.turn / beside), beside
         posterior, by_speed = _inferred(evidence, machine, configured, (beside,))
         if posterior is None:
@@ -309,16 +304,16 @@ def _encoder_turn(machine: Machine) -> float:
 
 
 def _other_unit(
-    readings: Readings, machine: Machine, terms: TorqueTerms, first: tuple[AngleUnit, Judged | None]
+    readings: Readings, machine: Machine, first: tuple[AngleUnit, Judged | None]
 ) -> tuple[AngleUnit, Judged | None]:
     """Return the unit that explains the record best, among those that give a plausible speed."""
     best = first
     for name, turn in OTHER_UNITS:
         unit = AngleUnit(name, turn, wrapped=False)
-        evidence = gather(readings, machine, terms, unit)
+        evidence = gather(readings, machine, unit)
         if unusable_reason(evidence) or not _PLAUSIBLE_RAD_S[0] < abs(evidence.working_speed()) < _PLAUSIBLE_RAD_S[1]:
             continue
-        found = _judged(readings, machine, terms, unit, evidence)
+        found = _judged(readings, machine, unit, evidence)
         if found is not None and (best[1] is None or 1.0 - found.explained < 0.5 * (1.0 - best[1].explained)):
             best = (unit, found)
     return best

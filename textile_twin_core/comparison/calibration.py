@@ -139,8 +139,8 @@ def calibration_refusal(assessment: Assessment, machine: Machine) -> str:
     if foreign:
         return foreign[0]
     _, before, after, _ = _fit_of(found, machine)
-    s, configured, hypothesis = found.settings, hypothesis_of(machine), found.posterior.hypothesis
-    mirrored = hypothesis.turn * configured.turn < 0.0 or s.gain * configured.gain < 0.0
+    configured, hypothesis = hypothesis_of(machine), found.posterior.hypothesis
+    mirrored = hypothesis.turn * configured.turn < 0.0 or hypothesis.gain * configured.gain < 0.0
     if (mirrored or found.ratio != 1.0) and after > _MOST_LEFT * before:
         return (
             f"another direction, sign or ratio takes its RMS error from {before:.3g} to {after:.3g} N m only, so the"
@@ -197,12 +197,12 @@ def calibrate(readings: Readings, machine: Machine, begin: Begin = unheard) -> C
     written, before, after, beside = _fit_of(found, machine)
     if refusal := calibration_refusal(assessment, machine):
         raise RecordingError(f"no calibration from this recording: {refusal}")
-    s = found.settings
     hypothesis = found.posterior.hypothesis
-    turned = s.direction * machine.sensors.encoder.ratio * found.ratio
+    direction = 1 if hypothesis.turn > 0.0 else -1
+    turned = direction * machine.sensors.encoder.ratio * found.ratio
     m = found.posterior.measurement
     chain = frozenset(m.off_nominal_chain(found.posterior.off_nominal))
-    gain_now = s.gain if GAIN in written else hypothesis.gain
+    gain_now = found.sensors.gain if GAIN in written else hypothesis.gain
     near = nearest_gain(gain_now, 1.0)
     zero = _estimate(found, ZERO, hypothesis.zero_rad, written=written).scaled(1.0 / turned)
     zero = zero.scaled(1.0, _whole_turns(zero.value, machine.sensors.encoder.zero_rad, TURN / abs(turned)))
@@ -210,7 +210,7 @@ def calibrate(readings: Readings, machine: Machine, begin: Begin = unheard) -> C
     gain = gain.scaled(1.0 / near.gain)
     offset = _estimate(found, OFFSET, hypothesis.offset_Nm, hypothesis.unit, written)
     delay = widened(_estimate(found, DELAY, hypothesis.delay_s, written=written), readings.stamped)
-    encoder = replace(machine.sensors.encoder, zero_rad=zero.value, direction=s.direction, ratio=abs(turned))
+    encoder = replace(machine.sensors.encoder, zero_rad=zero.value, direction=direction, ratio=abs(turned))
     sensor = replace(machine.sensors.torque, gain=gain_now, offset_Nm=offset.value, delay_s=delay.value)
     own = replace(machine.sensors, encoder=encoder, torque=sensor)
     given = {
@@ -221,7 +221,7 @@ def calibrate(readings: Readings, machine: Machine, begin: Begin = unheard) -> C
     }
     return Calibration(
         angle_unit=assessment.unit.name,
-        direction=s.direction,
+        direction=direction,
         ratio=abs(turned),
         zero_rad=zero,
         sign=near.sign,

@@ -168,14 +168,14 @@ def _delay(found: Judged, name: str) -> Cause:
     away, sigma = p.departure(DELAY), p.sigma(DELAY)
     size = f"{abs(away) * 1e3:.2f} +- {sigma * 1e3:.2f} ms"
     text = f"the torque lags by {size} {'more' if away >= 0.0 else 'less'} than the machine file says"
-    if found.settings.delay_s < 0.0:
+    if found.sensors.delay_s < 0.0:
         text += ", so it leads: stamped too early, or commanded and not measured"
     return Cause("delay", text + _or_inertia(found, away), away, sigma, DELAY, p.equivalents(DELAY))
 
 
 def _or_inertia(found: Judged, delay_s: float) -> str:
     """Alternative to a delay under a speed-controlled drive, in words; empty without such a drive."""
-    inertia = found.torque_by_speed_Nms * delay_s / found.settings.gain
+    inertia = found.torque_by_speed_Nms * delay_s / found.sensors.gain
     if not inertia > 0.0:
         return ""
     return f", or {inertia:.2g} kg m2 that turn with it are not in the model, since the torque follows the speed here"
@@ -236,7 +236,7 @@ def is_offset_in_unit(found: Judged) -> bool:
     near = nearest_gain(p.hypothesis.gain, p.configured.gain)
     own = p.configured.offset_Nm * near.factor
     sigma = p.hypothesis.unit * p.sigma(OFFSET)
-    return bool(near.unit) and abs(found.settings.offset_Nm - own) < max(_SAME * abs(own), 4.0 * sigma)
+    return bool(near.unit) and abs(found.sensors.offset_Nm - own) < max(_SAME * abs(own), 4.0 * sigma)
 
 
 def _shaft(found: Judged, name: str) -> Cause:
@@ -270,7 +270,7 @@ def _rotor(found: Judged, name: str) -> Cause:
         f" flywheel: add them under main_shaft of bodies in the machine file{_equivalents(found, ROTOR)[1]}"
     )
     if found.torque_by_speed_Nms:
-        each = 1e-3 * found.torque_by_speed_Nms / found.settings.gain
+        each = 1e-3 * found.torque_by_speed_Nms / found.sensors.gain
         text += f"; the torque follows the speed here, and {each:.2g} kg m2 less for each ms that it is late look alike"
     return Cause("unmodelled_inertia", text, away, sigma, ROTOR, p.equivalents(ROTOR))
 

@@ -9,12 +9,15 @@ import numpy as np
 
 from textile_twin_core.arrays import ComplexArray, FloatArray
 from textile_twin_core.comparison.cause import Cause
-from textile_twin_core.comparison.evidence import Evidence, Settings
+from textile_twin_core.comparison.evidence import Evidence
 from textile_twin_core.comparison.shaft_track import TURN
 from textile_twin_core.driveline import elastic_shaft
 from textile_twin_core.driveline.harmonic_response import HarmonicResponse, harmonic_response
+from textile_twin_core.inference.measurement import Hypothesis
 from textile_twin_core.machine import Machine, MainShaft, ShaftPiece, ShaftPlace, Station, TorqueFilter
+from textile_twin_core.twin import compile_machine
 
+_TORQUE = "balancing_torque_Nm"
 _TURNS = 5
 """Turns in a window, whose speed is taken as uniform."""
 _UNIFORM = 0.1
@@ -67,7 +70,7 @@ class ElasticHypothesis:
     rigid_unexplained: float
 
 
-def elastic_hypothesis(evidence: Evidence, machine: Machine, configured: Settings) -> ElasticHypothesis | None:
+def elastic_hypothesis(evidence: Evidence, machine: Machine, configured: Hypothesis) -> ElasticHypothesis | None:
     """Fit an elastic shaft with the machine's linkages in a row behind the drive.
 
     The torque of each window of turns is compared order by order with the response of a chain of equal pieces. Free
@@ -77,14 +80,14 @@ def elastic_hypothesis(evidence: Evidence, machine: Machine, configured: Setting
     Args:
         evidence: The record.
         machine: The machine with its rigid shaft.
-        configured: Settings of the sensors by the machine file.
+        configured: sensors as the machine file has them.
 
     Returns:
         The shaft; None if it does not explain the torque clearly better than a rigid one.
     """
     if machine.shaft is not None or machine.missing_for_torque or not machine.linkage.solved.turns_fully:
         return None
-    windows = _windows(evidence, configured, TorqueFilter.of(machine.sensors.torque))
+    windows = _windows(evidence, configured, machine)
     if not windows:
         return None
     rigid = _rigid_unexplained(windows)
@@ -147,7 +150,7 @@ class _Window:
     passed: ComplexArray
 
 
-def _windows(evidence: Evidence, configured: Settings, torque_filter: TorqueFilter) -> list[_Window]:
+def _windows(evidence: Evidence, configured: Hypothesis, machine: Machine) -> list[_Window]:
     """Choose windows of uniform speed, evenly over the record."""
     time = evidence.time_s - configured.delay_s
     track = evidence.track
@@ -156,13 +159,13 @@ def _windows(evidence: Evidence, configured: Settings, torque_filter: TorqueFilt
     after = np.clip(np.searchsorted(track.time_s, time), 1, track.time_s.size - 1)
     apart = np.abs(track.theta_rad[after] - track.theta_rad[after - 1])
     good = (time >= track.time_s[0]) & (time <= track.time_s[-1]) & (apart < _LONGEST_GAP_RAD)
-    theta = configured.direction * configured.ratio * angle - configured.zero_rad
+    theta = configured.turn * angle - configured.zero_rad
     good &= np.abs(omega) > evidence.slow_rad_s
     time, theta, torque = time[good], theta[good], (evidence.torque_Nm[good] - configured.offset_Nm) / configured.gain
     if time.size < 2:
         return []
-    way = configured.direction * configured.ratio
-    expected = evidence.terms.at(theta, way * omega[good], way * alpha[good], evidence.slow_rad_s).total
+    twin, torque_filter = compile_machine(machine, [_TORQUE]), TorqueFilter.of(machine.sensors.torque)
+    expected = twin.evaluate(theta, configured.turn * omega[good], configured.turn * alpha[good])[_TORQUE]
     both = np.stack([torque, expected], axis=1)
     sampling = 1.0 / float(np.median(np.diff(time)))
     part = np.floor((theta - theta[0]) / (TURN * _TURNS))

@@ -1,4 +1,4 @@
-"""Measured torque and the torque expected under given settings of the sensors: the record for the fits."""
+"""Measured torque beside the shaft's track: the record for the fits."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
-from textile_twin_core.comparison.torque_terms import TorqueTerms
 from textile_twin_core.inference import blocks
 from textile_twin_core.inference.elastic_torque import LinearisedTorque
 from textile_twin_core.inference.record import Ripple
@@ -23,36 +22,8 @@ _RUNS, _RUN_S = 4, 4.0
 
 
 @dataclass(frozen=True)
-class Settings:
-    """Settings of encoder and torque sensor, and additions to the machine.
-
-    measured(t) = gain * torque(t - late) + offset with late = delay + drift * (t - middle of the time in which the
-    shaft turns); the shaft's angle is direction * ratio * (angle of the track) - zero.
-
-    Attributes:
-        direction, ratio: factors on the track's own.
-        zero_rad: in shaft angle.
-        gain, offset_Nm, delay_s: of the torque sensor. drift: growth of the delay in seconds per second.
-        load: factor on the declared loads. constant_Nm, viscous_Nms: friction added to the declared one.
-        inertia_kgm2: of the shaft, added to the declared one.
-    """
-
-    direction: int = 1
-    ratio: float = 1.0
-    zero_rad: float = 0.0
-    gain: float = 1.0
-    offset_Nm: float = 0.0
-    delay_s: float = 0.0
-    drift: float = 0.0
-    load: float = 1.0
-    constant_Nm: float = 0.0
-    viscous_Nms: float = 0.0
-    inertia_kgm2: float = 0.0
-
-
-@dataclass(frozen=True)
 class Evidence:
-    """Measured torque (m,) over time [s], the shaft's track, and the machine's parts of the torque.
+    """Measured torque (m,) over time [s], and the shaft's track.
 
     slips: time [s] and size [rad] of slips of the angle; the track begins or ends at one of them.
     at_ends_Nm: measured torques at an end of the sensor's range, left out of the others.
@@ -66,7 +37,6 @@ class Evidence:
     time_s: FloatArray
     torque_Nm: FloatArray
     track: ShaftTrack
-    terms: TorqueTerms
     middle_s: float
     slips: tuple[tuple[float, float], ...] = ()
     at_ends_Nm: FloatArray = field(default_factory=lambda: np.empty(0))

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
-from textile_twin_core.comparison.evidence import Settings
 from textile_twin_core.comparison.process_force import LoadTorque, pierce_of
 from textile_twin_core.comparison.range_ends import RangeEnds
+from textile_twin_core.comparison.residual import load_steps
 from textile_twin_core.comparison.shaft_track import TURN
-from textile_twin_core.comparison.torque_terms import TorqueTerms
 from textile_twin_core.comparison.uncertainty import turn_normals, turn_scores
+from textile_twin_core.dynamics.loads import ShaftFriction
+from textile_twin_core.inference.measurement import Hypothesis
 from textile_twin_core.machine import Machine
+from textile_twin_core.twin import compile_machine
 
 BINS = 36
 FEWEST_TORQUES_PER_TURN = 12
@@ -80,13 +82,46 @@ def slow_speed(omega_rad_s: FloatArray, turn: IntArray) -> FloatArray:
     return np.asarray(_SLOW * fastest[of_turn])
 
 
-class WatchedTerms(TorqueTerms):
-    """Parts of a machine's torque, with the pierce of its force curve; None without one (see `pierce_of`)."""
+class WatchedTorque:
+    """Torque of a machine whose friction counts where its shaft turns.
+
+    Args:
+        machine: The machine; its sensors are not used.
+
+    Attributes:
+        pierce: Of the force curve; None without one (see `pierce_of`).
+        step_angles_rad: Angles in a turn at which the load jumps, increasing.
+    """
 
     def __init__(self, machine: Machine) -> None:
-        super().__init__(machine)
+        frictions = [load for load in machine.loads if isinstance(load, ShaftFriction)]
+        others = tuple(load for load in machine.loads if not isinstance(load, ShaftFriction))
+        self._viscous_Nms = sum(load.viscous_Nms for load in frictions)
+        self._coulomb_Nm = sum(load.coulomb_Nm for load in frictions)
+        self._twin = compile_machine(replace(machine, loads=others), ["balancing_torque_Nm", "torque_load_Nm"])
         pierce = pierce_of(machine)
         self.pierce = LoadTorque(machine, pierce) if pierce else None
+        jumps = load_steps(compile_machine(machine, ["balancing_torque_Nm"]))
+        self.step_angles_rad = sorted(angle % TURN for angle in jumps)
+
+    def at(
+        self, theta: FloatArray, omega: FloatArray, alpha: FloatArray, slow_rad_s: float | FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the torque, that of the loads without friction, and the direction (0: it stands) at states (n,)."""
+        out = self._twin.evaluate(theta, omega, alpha)
+        direction = np.where(np.abs(omega) > slow_rad_s, np.sign(omega), 0.0)
+        friction = self._viscous_Nms * omega + self._coulomb_Nm * direction
+        return out["balancing_torque_Nm"] + friction, out["torque_load_Nm"], direction
+
+    def near_step(self, theta: FloatArray, omega: FloatArray, guard_s: float, guard_rad: float) -> BoolArray:
+        """Return true within `guard_s`, at the present speed, or `guard_rad` of a discontinuity of the load."""
+        near = np.zeros(theta.size, dtype=np.bool_)
+        within = np.maximum(np.abs(omega) * guard_s, guard_rad)
+        for angle in self.step_angles_rad:
+            apart = theta - angle
+            apart -= TURN * np.rint(apart * (1.0 / TURN))
+            near |= np.abs(apart) <= within
+        return near
 
 
 @dataclass(frozen=True)
@@ -101,19 +136,18 @@ class Signatures:
 
 
 def signatures(
-    terms: WatchedTerms, theta: FloatArray, omega: FloatArray, alpha: FloatArray, slow_rad_s: FloatArray
+    machine: WatchedTorque, theta: FloatArray, omega: FloatArray, alpha: FloatArray, slow_rad_s: FloatArray
 ) -> Signatures:
     """Evaluate the signatures at states (n,); below `slow_rad_s` the shaft counts as standing."""
-    parts = terms.at(theta, omega, alpha, slow_rad_s)
-    shifted = terms.at(theta + _PHASE_STEP, omega, alpha, slow_rad_s).total
-    torque = parts.total
-    pierce = np.zeros_like(torque) if terms.pierce is None else terms.pierce.torque(theta, omega, alpha)
-    return Signatures(parts.load, parts.direction, torque, (shifted - torque) / _PHASE_STEP, pierce)
+    torque, load, direction = machine.at(theta, omega, alpha, slow_rad_s)
+    shifted, _, _ = machine.at(theta + _PHASE_STEP, omega, alpha, slow_rad_s)
+    pierce = np.zeros_like(torque) if machine.pierce is None else machine.pierce.torque(theta, omega, alpha)
+    return Signatures(load, direction, torque, (shifted - torque) / _PHASE_STEP, pierce)
 
 
 def turn_features(
-    terms: WatchedTerms,
-    settings: Settings,
+    machine: WatchedTorque,
+    sensors: Hypothesis,
     stamps_ns: IntArray,
     torque_Nm: FloatArray,
     states: tuple[FloatArray, FloatArray, FloatArray],
@@ -124,8 +158,8 @@ def turn_features(
     """Features of every turn of the measured samples (n,).
 
     Args:
-        terms: parts of the machine's torque.
-        settings: sensors as the machine declares them.
+        machine: torque of the machine.
+        sensors: as the machine declares them.
         stamps_ns, torque_Nm: measured torque.
         states: angle, speed and acceleration of the shaft at each sample less the delay, direction and zero applied.
         ends: finds the torques at an end of their sensor's range.
@@ -135,17 +169,17 @@ def turn_features(
     theta, omega, alpha = states
     whole = np.floor(theta / TURN).astype(np.int64) if turn is None else turn
     slow = slow_speed(omega, whole)
-    seen = signatures(terms, theta, omega, alpha, slow) if filtered is None else filtered
+    seen = signatures(machine, theta, omega, alpha, slow) if filtered is None else filtered
     torque = seen.torque
     # At a discontinuity of the load the side is uncertain and a slope is meaningless.
-    good = np.isfinite(torque) & np.isfinite(torque_Nm) & ~terms.near_step(theta, omega, 0.002, _JUMP_GUARD_RAD)
+    good = np.isfinite(torque) & np.isfinite(torque_Nm) & ~machine.near_step(theta, omega, 0.002, _JUMP_GUARD_RAD)
     good &= np.abs(omega) > slow
     cut = np.zeros(good.size, np.bool_)
     cut[good] = ends.find(torque_Nm[good])
     cut &= ~_mostly(cut, good, whole)
     good &= ~cut
-    columns = settings.gain * np.stack([seen.load, seen.direction, torque, seen.slope, seen.pierce], axis=1)
-    residual = torque_Nm - settings.gain * torque - settings.offset_Nm
+    columns = sensors.gain * np.stack([seen.load, seen.direction, torque, seen.slope, seen.pierce], axis=1)
+    residual = torque_Nm - sensors.gain * torque - sensors.offset_Nm
     turns, first, place = np.unique(whole[good], return_index=True, return_inverse=True)
     cut_off = np.bincount(np.searchsorted(turns, whole[cut]), minlength=turns.size)
     in_time = np.argsort(first)  # a shaft that turns backwards counts its turns down

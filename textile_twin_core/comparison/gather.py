@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray
-from textile_twin_core.comparison.evidence import REST_SHARE, Evidence, Settings
+from textile_twin_core.comparison.evidence import REST_SHARE, Evidence
 from textile_twin_core.comparison.motion_uncertainty import uncertain_ripple
 from textile_twin_core.comparison.range_ends import at_range_ends
 from textile_twin_core.comparison.readings import FEWEST_TURNS, AngleUnit, Readings
@@ -15,7 +15,6 @@ from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack, shaft_tra
 from textile_twin_core.comparison.slips import parts_between, slips_of, without_turns
 from textile_twin_core.comparison.standstill import standstills
 from textile_twin_core.comparison.torque_readings import fresh_readings, stuck_readings
-from textile_twin_core.comparison.torque_terms import TorqueTerms
 from textile_twin_core.inference.measurement import Hypothesis
 from textile_twin_core.inference.parameter import FILTERS
 from textile_twin_core.inference.priors import chain_parameters
@@ -32,18 +31,6 @@ _FEWEST_SETTLED = 6.0
 """Fewest turns of a part whose turn beside a slip is left out."""
 
 
-def configured_settings(machine: Machine) -> Settings:
-    """Sensor settings of the machine file, for a track of its own ratio."""
-    encoder, sensor = machine.sensors.encoder, machine.sensors.torque
-    return Settings(
-        direction=encoder.direction,
-        zero_rad=encoder.zero_rad * encoder.direction * encoder.ratio,
-        gain=sensor.gain,
-        offset_Nm=sensor.offset_Nm,
-        delay_s=sensor.delay_s,
-    )
-
-
 def hypothesis_of(machine: Machine) -> Hypothesis:
     """Hypothesis of the configured sensors, for a track of the machine's own ratio."""
     encoder, sensor = machine.sensors.encoder, machine.sensors.torque
@@ -52,7 +39,7 @@ def hypothesis_of(machine: Machine) -> Hypothesis:
     return Hypothesis(float(encoder.direction), sensor.gain, zero, sensor.delay_s, sensor.offset_Nm, filters=filters)
 
 
-def gather(readings: Readings, machine: Machine, terms: TorqueTerms, unit: AngleUnit, ratio: float = 1.0) -> Evidence:
+def gather(readings: Readings, machine: Machine, unit: AngleUnit, ratio: float = 1.0) -> Evidence:
     """Gather the evidence of a recording, with its angle in a unit; `ratio` multiplies the machine's own."""
     origin = int(readings.angle_stamps_ns[0])
     angle = readings.angle * unit.to_radians
@@ -60,16 +47,14 @@ def gather(readings: Readings, machine: Machine, terms: TorqueTerms, unit: Angle
     encoder = machine.sensors.encoder
     encoder = replace(encoder, ratio=encoder.ratio * ratio)
     track = shaft_track(readings.angle_stamps_ns, angle, speed, origin_ns=origin, encoder=encoder)
-    return evidence_of(readings, track, terms, origin, encoder, unit)
+    return evidence_of(readings, track, origin, encoder, unit)
 
 
-def evidence_of(
-    readings: Readings, track: ShaftTrack, terms: TorqueTerms, origin_ns: int, encoder: Encoder, unit: AngleUnit
-) -> Evidence:
+def evidence_of(readings: Readings, track: ShaftTrack, origin_ns: int, encoder: Encoder, unit: AngleUnit) -> Evidence:
     """Combine measured torque with the part of the shaft's track in which there is torque.
 
     Args:
-        readings: of the recording. track: the shaft's motion. terms: parts of the machine's torque.
+        readings: of the recording. track: the shaft's motion.
         origin_ns: stamp of time 0. encoder: of the track. unit: of the logged angle.
     """
     encoder_turn = TURN * encoder.ratio
@@ -104,7 +89,6 @@ def evidence_of(
         time[inside],
         torque[inside],
         track,
-        terms,
         middle,
         slips,
         torque[~inside],

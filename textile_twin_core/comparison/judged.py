@@ -10,9 +10,10 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.comparison.change_in_time import ChangeInTime
-from textile_twin_core.comparison.evidence import Evidence, Settings
+from textile_twin_core.comparison.evidence import Evidence
 from textile_twin_core.comparison.torque_readings import TimeLine
-from textile_twin_core.inference.parameter import COULOMB, DELAY, DRIFT, GAIN, OFFSET, ROTOR, VISCOUS, ZERO, gain_factor
+from textile_twin_core.inference.measurement import Hypothesis
+from textile_twin_core.inference.parameter import DELAY, GAIN, OFFSET, ZERO, gain_factor
 from textile_twin_core.inference.posterior import Posterior
 from textile_twin_core.inference.record import MOST_SAMPLES
 from textile_twin_core.inference.settled import Settled, settle, settled_sensors
@@ -87,23 +88,15 @@ class Judged:
         return settle(self.posterior, settled_sensors(self.posterior, self.evidence.turns_in_both_directions()))
 
     @cached_property
-    def settings(self) -> Settings:
-        """The settled values as settings of the record's evidence."""
+    def sensors(self) -> Hypothesis:
+        """The hypothesis with the settled values of the sensors."""
         p, found = self.settled, self.posterior.hypothesis
-        of_file = self.posterior.measurement.parameters
-        loads = [p.value(known.name) / known.nominal for known in of_file if known.kind == "force"]
-        return Settings(
-            direction=1 if found.turn > 0.0 else -1,
-            ratio=abs(found.turn),
+        return replace(
+            found,
             zero_rad=found.zero_rad + p.value(ZERO),
             gain=found.gain * gain_factor(p.value(GAIN)),
             offset_Nm=found.shown_offset(p.value(OFFSET)),
             delay_s=found.delay_s + p.value(DELAY),
-            drift=p.value(DRIFT),
-            load=loads[0] if loads else 1.0,
-            constant_Nm=p.departure(COULOMB),
-            viscous_Nms=p.departure(VISCOUS),
-            inertia_kgm2=p.departure(ROTOR),
         )
 
     @cached_property

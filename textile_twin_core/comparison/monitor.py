@@ -18,13 +18,13 @@ from textile_twin_core.comparison.fault_signatures import (
     KINDS,
     Signatures,
     TurnFeatures,
-    WatchedTerms,
+    WatchedTorque,
     signatures,
     slow_speed,
     turn_features,
 )
 from textile_twin_core.comparison.fault_watch import Alarm, FaultWatch, WatchSettings
-from textile_twin_core.comparison.gather import configured_settings
+from textile_twin_core.comparison.gather import hypothesis_of
 from textile_twin_core.comparison.inputs import usable_measurements
 from textile_twin_core.comparison.motion_cycles import Reversals, WatchedSpan, labelled, numbers
 from textile_twin_core.comparison.process_force import ProcessForce
@@ -70,16 +70,18 @@ class Monitor:
     """
 
     def __init__(self, machine: Machine, settings: WatchSettings | None = None, shaft: str = "lag") -> None:
-        self._terms = WatchedTerms(machine)
+        self._machine = WatchedTorque(machine)
         self._filter = TorqueFilter.of(machine.sensors.torque)
         self.process = ProcessForce.of(machine) if self._filter.is_identity else None
-        self._settings = configured_settings(machine)
+        self._sensors = hypothesis_of(machine)
         encoder = machine.sensors.encoder
         self._encoder = encoder
         self._estimator = create_estimator(shaft, **encoder_settings(replace(encoder, direction=1, zero_rad=0.0)))
         self._inertia = self._mean_inertia(machine)
         self._reversals, self._cycles = Reversals(), 0
-        self.watch = FaultWatch(self._torque_size(machine), settings or WatchSettings(), self._terms.pierce is not None)
+        self.watch = FaultWatch(
+            self._torque_size(machine), settings or WatchSettings(), self._machine.pierce is not None
+        )
         self._states: list[FloatArray] = []
         self._torque: list[tuple[IntArray, FloatArray]] = []
         self._ends = RangeEnds()
@@ -140,11 +142,11 @@ class Monitor:
         order = np.argsort(stamps, kind="stable")
         stamps, torque = stamps[order], torque[order]
         track = ShaftTrack(rows[:, 0], rows[:, 1], rows[:, 2], rows[:, 3], 5.0 * float(np.median(np.diff(rows[:, 0]))))
-        time = (stamps - self._origin_ns) * 1e-9 - self._settings.delay_s
+        time = (stamps - self._origin_ns) * 1e-9 - self._sensors.delay_s
         theta, omega, alpha, good = track.at(time)
-        s = self._settings
-        states = s.direction * theta - s.zero_rad, s.direction * omega, s.direction * alpha
-        place = (s.direction * rows[:, 1] - s.zero_rad) / TURN
+        s = self._sensors
+        states = s.turn * theta - s.zero_rad, s.turn * omega, s.turn * alpha
+        place = (s.turn * rows[:, 1] - s.zero_rad) / TURN
         spans, over = self._spans(rows[:, 0], place, time, last)
         label, ready = labelled(spans, time, _turn(states[0]))
         ready &= good
@@ -156,7 +158,7 @@ class Monitor:
             filtered, settled = self._filtered(track, time[ready])
             seen[~settled] = np.nan
         at = states[0][ready], states[1][ready], states[2][ready]
-        found = turn_features(self._terms, s, stamps[ready], seen, at, self._ends, filtered, label[ready])
+        found = turn_features(self._machine, s, stamps[ready], seen, at, self._ends, filtered, label[ready])
         kept = _whole(found, float(np.median(np.diff(time))))
         own, _ = labelled(spans, rows[:, 0], np.floor(place).astype(np.int64))
         unsure = self._inertia * np.array([np.quantile(rows[own == number, 4], _MOSTLY) for number in kept.number])
@@ -166,7 +168,7 @@ class Monitor:
         forces: Mapping[str, FloatArray] = {}
         if self.process is not None:
             slow = slow_speed(at[1], _turn(at[0]))
-            residual = (seen - s.offset_Nm) / s.gain - self._terms.at(*at, slow).total
+            residual = (seen - s.offset_Nm) / s.gain - self._machine.at(*at, slow)[0]
             moving = np.isfinite(residual) & (np.abs(at[1]) > slow) & (not cycles)  # a cycle is no whole stitch
             forces = self.process.turns(residual, at, moving).columns(kept.number)
         self.turns += kept.number.size
@@ -196,7 +198,7 @@ class Monitor:
         while k < len(strokes):
             stroke, over = strokes[k], strokes[k].end_s <= until
             if stroke.long or (last and not stroke.reversed and not over):
-                sense, partial = self._settings.direction * stroke.sense, set[int]()
+                sense, partial = int(self._sensors.turn) * stroke.sense, set[int]()
                 begin, end = place_at(max(stroke.begin_s, float(torque_s[0]))), place_at(min(stroke.end_s, until))
                 if stroke.fresh and (stroke.reversed or _missing(begin, sense) > _PART):
                     partial.add(math.floor(begin))
@@ -226,14 +228,14 @@ class Monitor:
 
     def _filtered(self, track: ShaftTrack, time_s: FloatArray) -> tuple[Signatures, BoolArray]:
         """Return the signatures behind the filter of the sensor at times (m,), and where the filter has settled."""
-        s = self._settings
-        theta, omega = s.direction * track.theta_rad - s.zero_rad, s.direction * track.omega_rad_s
-        whole = signatures(self._terms, theta, omega, s.direction * track.alpha_rad_s2, slow_speed(omega, _turn(theta)))
+        s = self._sensors
+        theta, omega = s.turn * track.theta_rad - s.zero_rad, s.turn * track.omega_rad_s
+        whole = signatures(self._machine, theta, omega, s.turn * track.alpha_rad_s2, slow_speed(omega, _turn(theta)))
         columns = [getattr(whole, field.name) for field in fields(whole)]
         good = np.isfinite(np.stack(columns)).all(axis=0)
         found, settled = filtered_at(
             self._filter, track.time_s[good], [column[good] for column in columns], theta[good],
-            self._terms.step_angles_rad, time_s,
+            self._machine.step_angles_rad, time_s,
         )  # fmt: skip
         return Signatures(*found), settled
 
@@ -264,7 +266,7 @@ class Monitor:
         rows = np.concatenate(self._states)
         keep = rows[:, 0] > until_s - max(1.0, 2.0 * self._filter.settling_s)
         self._states = [rows[keep]] if keep.any() else [rows[-1:]]
-        late = (stamps - self._origin_ns) * 1e-9 - self._settings.delay_s > until_s
+        late = (stamps - self._origin_ns) * 1e-9 - self._sensors.delay_s > until_s
         self._torque = [(stamps[late], torque[late])]
 
     def _limit_memory(self) -> None:
@@ -281,13 +283,13 @@ class Monitor:
 
     def _mean_inertia(self, machine: Machine) -> float:
         theta, none = machine.shaft_angles(_PEAK_SAMPLES), np.zeros(_PEAK_SAMPLES)
-        faster, even = (self._terms.at(theta, none, none + alpha, 0.0).mechanism for alpha in (1.0, 0.0))
+        faster, even = (self._machine.at(theta, none, none + alpha, 0.0)[0] for alpha in (1.0, 0.0))
         return float(np.nanmean(faster - even))
 
     def _torque_size(self, machine: Machine) -> float:
         theta = machine.shaft_angles(_PEAK_SAMPLES)
         speed = np.full(_PEAK_SAMPLES, machine.nominal_speed_rad_s)
-        return float(np.nanmax(np.abs(self._terms.at(theta, speed, np.zeros(_PEAK_SAMPLES), 0.0).total)))
+        return float(np.nanmax(np.abs(self._machine.at(theta, speed, np.zeros(_PEAK_SAMPLES), 0.0)[0])))
 
 
 def _turn(theta: FloatArray) -> IntArray:
