@@ -6,7 +6,6 @@ import dataclasses
 
 from tests.generators.bridged_samples import Sampled
 from textile_twin_core.comparison import Comparison, Readings, assess, compare_torque
-from textile_twin_core.comparison.stamp_timing import widened_fit
 from textile_twin_core.machine import Machine
 from textile_twin_core.recordings.logged_run import evenly_timed
 from textile_twin_core.recordings.prediction import recompute
@@ -28,12 +27,10 @@ def judged(samples: Sampled, machine: Machine) -> Comparison:
         predicted.torque_Nm,
         predicted.theta_rad,
         torque_sensor=machine.sensors.torque,
+        delay=assessed.delay,
         events=machine.events(),
         settled=predicted.settled,
         predicted_sigma_Nm=predicted.sigma_Nm,
         rejected=predicted.rejected,
     )
-    fit, notes = widened_fit(comparison.fit, timings)
-    return dataclasses.replace(
-        comparison, fit=fit, notes=(*comparison.notes, *notes, *assessed.notes), verdict=assessed.verdict
-    )
+    return dataclasses.replace(comparison, notes=assessed.notes, verdict=assessed.verdict)

@@ -14,6 +14,7 @@ import rerun.chunk
 import textile_twin_core as ttc
 from textile_twin_core.arrays import FloatArray, IntArray
 from textile_twin_core.comparison import Comparison, compare_torque
+from textile_twin_core.comparison.uncertainty import Estimate
 
 START_NS = 1_763_000_000_000_000_000
 
@@ -61,6 +62,7 @@ def make_run(seconds: float = 6.0) -> Run:
         predicted,
         angle(time)[0],
         torque_sensor=machine.sensors.torque,
+        delay=Estimate(0.002, 1e-5),
         events=machine.events(),
         settled=time > 0.5,
         predicted_sigma_Nm=sigma,

@@ -35,7 +35,7 @@ def test_measured_torque_is_the_measured_torque(recording: Path, run: Run) -> No
 def test_predicted_torque_is_what_the_sensor_should_show_with_its_sigma(recording: Path, run: Run) -> None:
     times, values = scalars_of(recording, "/torque/predicted", "Measurements:values")
     _, variances = scalars_of(recording, "/torque/predicted", "Measurements:variances")
-    delay = run.comparison.fit.delay_s
+    delay = run.comparison.delay.value
     np.testing.assert_allclose(times, (run.stamps_ns - START_NS) * 1e-9 + delay, atol=1.1e-9)
     np.testing.assert_allclose(values, 1.01 * run.predicted_Nm, rtol=1e-14)
     np.testing.assert_allclose(variances, (1.01 * run.sigma_Nm) ** 2, rtol=1e-12)
@@ -146,7 +146,7 @@ def test_no_prediction_is_drawn_over_a_gap(run: Run, tmp_path: Path) -> None:
     path = write_comparison_recording(tmp_path / "gap.rrd", comparison, run.machine, title="a test")
     times, predicted = scalars_of(path, "/torque/predicted", "Measurements:values")
     np.testing.assert_allclose(
-        times[np.isnan(predicted)] - comparison.fit.delay_s, [1199.5 * 2e-3, 1399.5 * 2e-3], atol=1e-6
+        times[np.isnan(predicted)] - comparison.delay.value, [1199.5 * 2e-3, 1399.5 * 2e-3], atol=1e-6
     )
 
 

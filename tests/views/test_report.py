@@ -55,7 +55,7 @@ def test_a_report_of_a_recording_too_short_to_judge_has_no_sensor_estimate(tmp_p
         report = tmp_path / f"{name}.html"
         assert main(["compare", str(tmp_path / name), "--machine", "tufting", "--html", str(report)]) == 0
     short, long = ((tmp_path / f"{name}.html").read_text() for name in ("short", "long"))
-    assert 'class="verdict"' in short and "nothing can be told" in short
+    assert 'class="verdict"' in short and "nothing can be determined" in short
     assert short.count(">not identifiable<") == 3 and "1.0000, +0.0000 N m (configured)" in short
     assert not re.search(r">[^<]*\bnan\b[^<]*<", short)
     assert 'class="verdict good"' in long and "not identifiable" not in long and "(configured)" not in long

@@ -21,7 +21,6 @@ from textile_twin_core.cli.readings import read_samples, read_second, readings_o
 from textile_twin_core.cli.recording_batch import BatchJob, add_batch, one_recording, quietly, run_batch
 from textile_twin_core.cli.sensor_options import add_sensors, with_sensors
 from textile_twin_core.comparison import Comparison, assess, compare_torque, summary_rows, verdict_lines
-from textile_twin_core.comparison.stamp_timing import widened_fit
 from textile_twin_core.files import machine_document, staged
 from textile_twin_core.machine import Machine
 from textile_twin_core.recordings.prediction import recompute, recorded_torque
@@ -132,9 +131,10 @@ def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded:
             readings, machine, predicted.track, lambda what, until: stage(what, _PREDICTED + until * share, 1)
         )
         notes, verdict, explained, seen = judged.notes, judged.verdict, judged.explained, judged.quantities
+        delay = judged.delay
         curves = {} if judged.law is None else {judged.law.key: judged.law.curve}
         times = None if angles.timing is None or angles.recorded_ns is None else (angles.recorded_ns, angles.stamps)
-        angle_topic, stamped = angles.topic, tuple(t for t in (angles.timing, measured.timing) if t is not None)
+        angle_topic = angles.topic
         del judged, readings, angles  # these and the track are another copy of the whole recording
         predicted = dataclasses.replace(predicted, track=None)
         if recorded:
@@ -147,16 +147,15 @@ def compare_recording(arguments: argparse.Namespace, machine: Machine, recorded:
             predicted.torque_Nm,
             predicted.theta_rad,
             torque_sensor=machine.sensors.torque,
+            delay=delay,
             events=machine.events(),
             settled=predicted.settled,
             predicted_sigma_Nm=predicted.sigma_Nm,
             rejected=predicted.rejected,
         )
-    fit, widths = widened_fit(comparison.fit, stamped)
     return dataclasses.replace(
         comparison,
-        fit=fit,
-        notes=(*comparison.notes, *widths, *predicted.notes, *notes),
+        notes=(*predicted.notes, *notes),
         verdict=verdict,
         explained=explained,
         quantities=seen,

@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from textile_twin_core.comparison.calibration import Calibration, calibrate
     from textile_twin_core.comparison.cause import Cause
     from textile_twin_core.comparison.compare import compare_torque
-    from textile_twin_core.comparison.delay import SensorFit
     from textile_twin_core.comparison.identification import Identification, identify
     from textile_twin_core.comparison.identified_machine import with_table
     from textile_twin_core.comparison.readings import Readings
@@ -35,7 +34,6 @@ __all__ = [
     "RevolutionErrors",
     "RunningAngleBins",
     "SampleCount",
-    "SensorFit",
     "agrees_with_file",
     "assess",
     "calibrate",
@@ -64,7 +62,6 @@ __getattr__ = names_of(
         "RevolutionErrors": "by_angle",
         "RunningAngleBins": "by_angle",
         "SampleCount": "result",
-        "SensorFit": "delay",
         "assess": "assessment",
         "calibrate": "calibration",
         "compare_torque": "compare",

@@ -27,7 +27,9 @@ from textile_twin_core.comparison.readings import AngleUnit, Readings, angle_uni
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
 from textile_twin_core.comparison.speed_control import torque_by_speed
 from textile_twin_core.comparison.stage import Begin, unheard
+from textile_twin_core.comparison.stamp_timing import widened
 from textile_twin_core.comparison.torque_readings import TimeLine, time_lines
+from textile_twin_core.comparison.uncertainty import Estimate
 from textile_twin_core.inference.elastic_posterior import infer_elastic
 from textile_twin_core.inference.measurement import Hypothesis
 from textile_twin_core.inference.parameter import (
@@ -59,6 +61,11 @@ _WHEEL = (
     "read off a toothed wheel the acceleration is not known well enough for this torque: no verdict on it; hold the"
     " shaft's speed against what the torque drives instead (compare --quantity speed)"
 )
+_LONG_DELAY_S = 0.1
+_LONG_DELAY = (
+    "the torque sensor's delay_s of {:g} s is longer than filters and links take, and may be wrong by whole turns; if"
+    " it is in milliseconds, write {:g}"
+)
 _LIKE_PITCH_ERRORS = ("torque_gain", "load_force")
 _PITCH = (
     "gain and loads are not judged: the pitch errors of the toothed wheel are unknown, and read as acceleration of the"
@@ -76,6 +83,7 @@ class Assessment:
         verdict: causes of the differences, likeliest first; empty when all is right.
         quantities: estimated quantities, each once. notes: remarks for the reader.
         law: force law that explains what constant forces do not.
+        delay: of the torque [s], from the same fit; None without a judgement of this machine.
 
     Examples:
         >>> import textile_twin_core as ttc
@@ -94,6 +102,7 @@ class Assessment:
     notes: tuple[str, ...]
     quantities: tuple[Quantity, ...] = ()
     law: ForceLawCause | None = None
+    delay: Estimate | None = None
 
     @property
     def explained(self) -> float:
@@ -172,6 +181,9 @@ def _assess(readings: Readings, machine: Machine, track: ShaftTrack | None, begi
         # Pitch errors of its wheel read as acceleration, so no cause is named.
         return Assessment(unit, found, (), (*_notes(evidence), _WHEEL))
     named, notes = causes(found, unit, per_turn, periodic), _notes(evidence)
+    configured_s = machine.sensors.torque.delay_s
+    if abs(configured_s) > _LONG_DELAY_S:
+        notes = (*notes, _LONG_DELAY.format(configured_s, configured_s * 1e-3))
     if law is not None:
         peak, sigma = law.peak
         named.insert(0, Cause("force_law", law.text, peak, sigma, f"loads.{law.curve.name}"))
@@ -180,7 +192,9 @@ def _assess(readings: Readings, machine: Machine, track: ShaftTrack | None, begi
         if len(judged) < len(named):
             notes = (*notes, _PITCH)
         named = judged
-    return Assessment(unit, found, tuple(named), notes, quantities(found, named), law)
+    delay = widened(found.delay, readings.stamped)
+    known = all(cause.cause != "other_machine" for cause in named)
+    return Assessment(unit, found, tuple(named), notes, quantities(found, named, delay), law, delay if known else None)
 
 
 def _judged(readings: Readings, machine: Machine, unit: AngleUnit, evidence: Evidence) -> Judged | None:

@@ -257,7 +257,7 @@ def _given_file(found: Judged, name: str, configured: float, unit: float = 1.0) 
     if name not in found.settled.free:
         return Estimate(configured)
     value, sigma = found.settled.given_file(name)
-    return Estimate(value, sigma, (value - 1.96 * sigma, value + 1.96 * sigma)).scaled(unit, configured)
+    return Estimate.normal(value, sigma).scaled(unit, configured)
 
 
 def _gain(found: Judged, given_file: bool = False) -> Estimate:

@@ -25,7 +25,7 @@ from textile_twin_core.comparison.departure_causes import (
 from textile_twin_core.comparison.judged import Judged
 from textile_twin_core.comparison.readings import AngleUnit, shown_turn
 from textile_twin_core.comparison.stamp_timing import StampTiming
-from textile_twin_core.comparison.uncertainty import with_sigma
+from textile_twin_core.comparison.uncertainty import Estimate, with_sigma
 from textile_twin_core.inference.elastic_torque import OF_SHAFT
 from textile_twin_core.inference.parameter import (
     COULOMB,
@@ -204,10 +204,10 @@ def burst_verdict(timings: Sequence[StampTiming], causes: Sequence[Cause]) -> tu
     return (first, *(cause for cause in causes if cause.cause not in NOT_JUDGED))
 
 
-def quantities(found: Judged, verdict: Sequence[Cause]) -> tuple[Quantity, ...]:
+def quantities(found: Judged, verdict: Sequence[Cause], delay: Estimate) -> tuple[Quantity, ...]:
     """Estimates of reportable quantities from the fit of the verdict, given the file's tolerances.
 
-    Quantities named in the verdict are left out.
+    Quantities named in the verdict are left out. `delay`: of the torque [s].
     """
     p, h = found.posterior, found.posterior.hypothesis
     one_speed, rests = found.evidence.track.at_one_speed, bool(p.measurement.record.standstills)
@@ -227,9 +227,8 @@ def quantities(found: Judged, verdict: Sequence[Cause]) -> tuple[Quantity, ...]:
     beside = (ZERO, DELAY)
     away, sigma = math.degrees(math.remainder(p.departure(ZERO), 2.0 * math.pi)), math.degrees(p.sigma(ZERO))
     row(beside if one_speed else (ZERO,), "encoder zero beside the file", away, sigma, " deg", 0.0, "+.3f")
-    late = h.delay_s + p.value(DELAY)
     delays = (DELAY, ZERO) if one_speed else (DELAY,)
-    row(delays, "torque delay", late * 1e3, p.sigma(DELAY) * 1e3, " ms", p.configured.delay_s * 1e3, ".2f")
+    row(delays, "torque delay", delay.value * 1e3, delay.sigma * 1e3, " ms", p.configured.delay_s * 1e3, ".2f")
     factor = gain_factor(p.value(GAIN))
     row((GAIN,), "torque gain", h.gain * factor, abs(h.gain) * factor**2 * p.sigma(GAIN), "", p.configured.gain, ".4g")
     if HIGH_PASS not in h.filters:  # which blocks offset and dry friction

@@ -80,10 +80,6 @@ class ClockOffset:
     other_offset_s: float = float("nan")
     undetermined: Undetermined | None = None
 
-    def on_reference(self, time_s: FloatArray) -> FloatArray:
-        """Convert times of the other clock to those of the reference."""
-        return np.asarray(time_s + self.offset_s + self.drift * (time_s - self.origin_s))
-
 
 def find_clock_offset(
     reference_s: FloatArray, reference: FloatArray, other_s: FloatArray, other: FloatArray

@@ -10,19 +10,17 @@ from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.comparison.alignment import Track, build_track, fast_speed, time_ranges
 from textile_twin_core.comparison.by_angle import bin_by_angle, by_revolution
 from textile_twin_core.comparison.by_order import by_order, by_speed
-from textile_twin_core.comparison.delay import GUARD_S, SensorFit, fit_sensor, line, usable
 from textile_twin_core.comparison.expected_reading import reading_track
 from textile_twin_core.comparison.inputs import usable_measurements, usable_predictions
 from textile_twin_core.comparison.result import Comparison, ComparisonEvent, SampleCount
-from textile_twin_core.comparison.statistics import error_statistics
+from textile_twin_core.comparison.statistics import error_statistics, line
+from textile_twin_core.comparison.uncertainty import Estimate
 from textile_twin_core.errors import AlignmentError
 from textile_twin_core.machine import Event, TorqueFilter, TorqueSensor
 
 _LEAST_SAMPLES = 16
-_SAME_DELAY = 3.0
-"""Standard deviations within which an estimated delay equals the configured one."""
-_LEAST_TURNS = 1.0  # of the shaft, below which no delay is estimated
-_SEARCH_S = 0.1
+_GUARD_S = 0.0005
+"""Samples this close to a discontinuity of the load are left out: their stamps do not show its side."""
 _ANGLE_BINS = 120
 _MOST_SETTLING = 0.5
 """Largest share of the record in which the sensor's filter settles."""
@@ -37,6 +35,7 @@ def compare_torque(
     theta_rad: FloatArray,
     *,
     torque_sensor: TorqueSensor | None = None,
+    delay: Estimate | None = None,
     events: Sequence[Event] = (),
     settled: BoolArray | None = None,
     predicted_sigma_Nm: FloatArray | None = None,
@@ -57,6 +56,7 @@ def compare_torque(
         predicted_Nm: (n,) predicted balancing torque [N m], without the sensor's filter, gain and offset.
         theta_rad: (n,) unwrapped shaft angle at the predicted stamps [rad].
         torque_sensor: the sensor as configured; without one gain 1, offset 0, delay 0.
+        delay: estimated delay of the torque [s] (see `Assessment.delay`); by default as configured.
         events: events of the turn, in angle of theta_rad.
         settled: (n,) true where the shaft estimator had converged; by default everywhere.
         predicted_sigma_Nm: (n,) standard deviation of the predictions [N m], for the views.
@@ -101,22 +101,14 @@ def compare_torque(
     track, filter_settled = reading_track(track, TorqueFilter.of(sensor), most_settling_s)
     reading = sensor.reading(track.torque_at(predicted_time, track.piece(predicted_time)[0])[0])
     del predicted_time  # here and below: free the large arrays of a long record before the next are made
-    piece, inside = track.piece(time - configured)
-    if not inside.any():
+    delay = Estimate(configured) if delay is None else delay
+    if not track.piece(time - configured)[1].any():
         raise AlignmentError(
             f"measured and predicted torque do not overlap in time: {ranges}; both must be stamped by the same clock"
         )
     # The estimator counts as converged at a sample if it is at the predictions on both sides.
     ready = (predictions.settled[:-1] & predictions.settled[1:])[track.after_sample] & filter_settled
-    calm = inside & ready[piece]
-    fit = SensorFit(configured, float("nan"), gain, offset, identifiable=False, at_limit=False, sought=False)
-    turns = float(np.ptp(track.theta_rad)) / (2.0 * np.pi)
-    if np.count_nonzero(calm) >= _LEAST_SAMPLES and turns >= _LEAST_TURNS:
-        fit = fit_sensor(track, time[calm], measured[calm], configured, _search_s(track))
-        fit = _never_worse(fit, track, (time[calm], measured[calm]), (configured, gain, offset))
-    del piece, inside, calm
-
-    used, not_used = _select(track, time - fit.delay_s, ready)
+    used, not_used = _select(track, time - delay.value, ready)
     causes.update(not_used)
     if np.count_nonzero(used) < _LEAST_SAMPLES:
         why = ", ".join(f"{number} {cause}" for cause, number in causes.items() if number)
@@ -124,7 +116,7 @@ def compare_torque(
             f"only {np.count_nonzero(used)} of {measured.size} measured torque samples can be compared"
             f"{f' (rejected: {why})' if why else ''}: {ranges}"
         )
-    expected, angle = _expected(track, time - fit.delay_s, sensor)
+    expected, angle = _expected(track, time - delay.value, sensor)
     expected[~used] = np.nan
     residual = measured - expected
     used_configured, _ = _select(track, time - configured, ready)
@@ -135,10 +127,10 @@ def compare_torque(
     del used_configured, configured_Nm
     seen, wanted = measured[used], expected[used]
     errors = error_statistics(seen, wanted)
-    fitted = fit.gain * (wanted - offset) / gain + fit.offset_Nm if np.isfinite(fit.gain) else wanted
-    errors_fitted = error_statistics(seen, fitted)
-    del seen, wanted, fitted
-    turned, turning = angle[used], _turning(track, time - fit.delay_s)
+    factor, rest = line(wanted, seen)
+    errors_fitted = error_statistics(seen, factor * wanted + rest)
+    del seen, wanted
+    turned, turning = angle[used], _turning(track, time - delay.value)
 
     causes["prediction_not_usable"] = predictions.dropped
     causes.update({f"angle_{cause}": int(number) for cause, number in (rejected or {}).items()})
@@ -158,14 +150,16 @@ def compare_torque(
         sensor_delay_s=configured,
         sensor_gain=gain,
         sensor_offset_Nm=offset,
-        fit=fit,
+        delay=delay,
+        fitted_gain=gain * factor,
+        fitted_offset_Nm=rest + factor * offset,
         errors=errors,
         errors_configured=errors_configured,
         errors_fitted=errors_fitted,
         by_angle=bin_by_angle(angle[used & turning], residual[used & turning], _ANGLE_BINS),
         by_revolution=by_revolution(measured_ns[used], turned, residual[used]),
         by_order=by_order(angle[used & turning], residual[used & turning]),
-        by_speed=by_speed(_speed(track, time[used] - fit.delay_s), residual[used]),
+        by_speed=by_speed(_speed(track, time[used] - delay.value), residual[used]),
         samples=SampleCount(
             measured=int(np.size(measured_Nm)),
             predicted=int(np.size(predicted_Nm)),
@@ -177,7 +171,6 @@ def compare_torque(
         events=tuple(
             ComparisonEvent(event.name, float(event.angle_rad), jump) for event, jump in zip(events, jumps, strict=True)
         ),
-        notes=_notes(fit, configured, _search_s(track)) if turns >= _LEAST_TURNS else (),
     )
 
 
@@ -190,7 +183,7 @@ def _select(track: Track, time_s: FloatArray, ready: BoolArray) -> tuple[BoolArr
         ("no_prediction", ~inside),
         ("prediction_gap", track.blocked[piece]),
         ("not_settled", ~ready[piece]),
-        ("load_jump", track.near_step(time_s, GUARD_S)),
+        ("load_jump", track.near_step(time_s, _GUARD_S)),
     ):
         causes[cause] = int(np.count_nonzero(remaining & holds))
         remaining &= ~holds
@@ -205,41 +198,6 @@ def _expected(track: Track, time_s: FloatArray, sensor: TorqueSensor) -> tuple[F
     return sensor.reading(torque), theta
 
 
-def _search_s(track: Track) -> float:
-    """Largest distance from the configured delay at which another is searched [s].
-
-    At most half a turn at the fast end of the recorded speeds, since delays a turn apart look alike.
-    """
-    speed = fast_speed(np.diff(track.theta_rad) / np.diff(track.edge_s))
-    return min(_SEARCH_S, np.pi / speed) if speed > 0.0 else _SEARCH_S
-
-
-def _never_worse(
-    fit: SensorFit,
-    track: Track,
-    measured: tuple[FloatArray, FloatArray],
-    sensor: tuple[float, float, float],
-) -> SensorFit:
-    """Return the fit, or the configured delay if the fitted one does not reduce the error.
-
-    The configured delay counts as identified if it lies within a few sigmas of the fitted one.
-    """
-    time_s, torque_Nm = measured
-    configured_s, gain, offset = sensor
-    if not fit.identifiable:
-        return fit
-    squares = []
-    for delay in (fit.delay_s, configured_s):
-        good, torque, _ = usable(track, time_s - delay)
-        squares.append(float(np.mean((torque_Nm[good] - gain * torque[good] - offset) ** 2)) if good.any() else np.inf)
-    if squares[0] <= squares[1]:
-        return fit
-    good, torque, _ = usable(track, time_s - configured_s)
-    settled = abs(fit.delay_s - configured_s) <= _SAME_DELAY * fit.delay_sigma_s
-    sigma = fit.delay_sigma_s if settled else float("nan")
-    return SensorFit(configured_s, sigma, *line(torque[good], torque_Nm[good]), settled, fit.at_limit)
-
-
 def _speed(track: Track, time_s: FloatArray) -> FloatArray:
     """Mean speed of the shaft [rad/s] over the piece that holds each time (m,)."""
     return np.asarray((np.diff(track.theta_rad) / np.diff(track.edge_s))[track.piece(time_s)[0]])
@@ -250,23 +208,3 @@ def _turning(track: Track, time_s: FloatArray) -> BoolArray:
     speed = np.abs(_speed(track, track.edge_s[:-1]))
     share = _TURNING_SHARE * fast_speed(speed)
     return np.asarray(np.abs(_speed(track, time_s)) >= share)
-
-
-def _notes(fit: SensorFit, configured_s: float, search_s: float) -> tuple[str, ...]:
-    far = (
-        f"the torque sensor's delay_s of {configured_s:g} s is more than the {search_s:.3g} s by which another is"
-        f" sought around it, and may be wrong by whole turns; if it is in milliseconds, write {configured_s * 1e-3:g}"
-    )
-    return (*([far] if abs(configured_s) > search_s else []), *_fit_notes(fit, configured_s, search_s))
-
-
-def _fit_notes(fit: SensorFit, configured_s: float, search_s: float) -> tuple[str, ...]:
-    if fit.at_limit:
-        return (
-            f"the best delay lies at the edge of the searched range ({configured_s - search_s:g} .. "
-            f"{configured_s + search_s:g} s): the clocks of angle and torque may differ by more; "
-            "the errors are at the configured delay",
-        )
-    if not fit.identifiable:
-        return ("no delay lessens the error as configured, or the torque does not follow: the configured one holds",)
-    return ()

@@ -93,7 +93,7 @@ def identify_numbers(readings: Readings, machine: Machine, paths: Sequence[str],
         low, high = settled.interval95(path)
         tolerant[path] = Estimate(settled.value(path), settled.sigma(path), (low, high))
         value, sigma = settled.given_file(path)
-        exact[path] = Estimate(value, sigma, (value - 1.96 * sigma, value + 1.96 * sigma))
+        exact[path] = Estimate.normal(value, sigma)
     known = {path: posterior.parameter(path) for path in paths}
     lost = tuple(path for path in paths if tolerant[path].sigma > _UNKNOWN * known[path].departure)
     values = {posterior.measurement.model.slot_name(path): tolerant[path].value for path in paths if path not in lost}

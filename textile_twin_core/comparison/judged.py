@@ -12,6 +12,7 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.comparison.change_in_time import ChangeInTime
 from textile_twin_core.comparison.evidence import Evidence
 from textile_twin_core.comparison.torque_readings import TimeLine
+from textile_twin_core.comparison.uncertainty import Estimate
 from textile_twin_core.inference.measurement import Hypothesis
 from textile_twin_core.inference.parameter import DELAY, GAIN, OFFSET, ZERO, gain_factor
 from textile_twin_core.inference.posterior import Posterior
@@ -98,6 +99,18 @@ class Judged:
             offset_Nm=found.shown_offset(p.value(OFFSET)),
             delay_s=found.delay_s + p.value(DELAY),
         )
+
+    @property
+    def delay(self) -> Estimate:
+        """Delay of the torque [s] in the posterior; at one speed with the departure of the zero, which acts alike."""
+        p = self.posterior
+        per_value = {DELAY: 1.0}
+        if self.evidence.track.at_one_speed:
+            per_value[ZERO] = 1.0 / (p.hypothesis.turn * self.evidence.working_speed())
+        weights = np.array(list(per_value.values()))
+        value = p.hypothesis.delay_s + sum(weight * p.departure(name) for name, weight in per_value.items())
+        sigma = math.sqrt(max(float(weights @ p.covariance(list(per_value)) @ weights), 0.0))
+        return Estimate.normal(value, sigma)
 
     @cached_property
     def effects_Nm(self) -> dict[str, float]:

@@ -13,8 +13,8 @@ import numpy as np
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.comparison.by_angle import AngleBins, RevolutionErrors
 from textile_twin_core.comparison.by_order import OrderSpectrum, SpeedBins
-from textile_twin_core.comparison.delay import SensorFit
 from textile_twin_core.comparison.statistics import ErrorStatistics
+from textile_twin_core.comparison.uncertainty import Estimate
 from textile_twin_core.inference.force_law import LearnedCurve
 from textile_twin_core.machine import Event
 
@@ -69,9 +69,9 @@ class Comparison:
             the sigma nan where none was given.
         predicted_reading_Nm: (n,) what the sensor as configured reads of them, its delay later.
         sensor_delay_s, sensor_gain, sensor_offset_Nm: the sensor as the machine configures it.
-        fit: delay, gain and offset estimated from the data.
-        errors: at the estimated delay. errors_configured: at the configured one.
-            errors_fitted: with estimated delay, gain and offset, which no sensor setting explains.
+        delay: of the fit of the verdict [s]; the configured one, with sigma nan, without a verdict.
+        fitted_gain, fitted_offset_Nm: of a line through measured over predicted torque, at that delay.
+        errors: at that delay. errors_configured: at the configured one. errors_fitted: about that line.
         by_angle, by_revolution, by_order, by_speed: the residual at the estimated delay, sorted; by angle and by
             order while the shaft turns.
         samples: used and rejected. revolutions: turns of the shaft from the first used sample to the last.
@@ -104,7 +104,9 @@ class Comparison:
     sensor_delay_s: float
     sensor_gain: float
     sensor_offset_Nm: float
-    fit: SensorFit
+    delay: Estimate
+    fitted_gain: float
+    fitted_offset_Nm: float
     errors: ErrorStatistics
     errors_configured: ErrorStatistics
     errors_fitted: ErrorStatistics
@@ -115,7 +117,7 @@ class Comparison:
     samples: SampleCount
     revolutions: float
     events: tuple[ComparisonEvent, ...]
-    notes: tuple[str, ...]
+    notes: tuple[str, ...] = ()
     verdict: tuple[Cause, ...] = ()
     explained: float = math.nan
     quantities: tuple[Quantity, ...] = ()
@@ -125,11 +127,11 @@ class Comparison:
         """Return the numbers as one object of plain lists and numbers; nan is null."""
         torque: dict[str, Any] = {
             **dataclasses.asdict(self.errors),
-            "delay_s": self.fit.delay_s,
-            "delay_sigma_s": self.fit.delay_sigma_s,
-            "delay_identifiable": self.fit.identifiable,
-            "gain": self.fit.gain,
-            "offset_Nm": self.fit.offset_Nm,
+            "delay_s": self.delay.value,
+            "delay_sigma_s": self.delay.sigma,
+            "delay_identifiable": math.isfinite(self.delay.sigma),
+            "gain": self.fitted_gain,
+            "offset_Nm": self.fitted_offset_Nm,
             "configured": {
                 "delay_s": self.sensor_delay_s,
                 "gain": self.sensor_gain,

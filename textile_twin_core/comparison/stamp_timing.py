@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-from textile_twin_core.comparison.delay import SensorFit
 from textile_twin_core.comparison.uncertainty import Estimate
 
-MOST_HALF_WIDTH_S = 3e-4
-"""Half the width of the delay's interval above which a delay is not stated."""
 REPEATED = 1e-6
 """Time inside a burst up to which stamps count as equal: a coarse clock [s]."""
-_TWO_SIGMA = 1.96
 
 
 @dataclass(frozen=True)
@@ -85,25 +81,9 @@ def half_width(timings: Sequence[StampTiming]) -> float:
     return sum(timing.half_width_s for timing in timings)
 
 
-def widened_fit(fit: SensorFit, timings: Sequence[StampTiming]) -> tuple[SensorFit, tuple[str, ...]]:
-    """Return the fit with the delay's interval due to the stamps, and a note if it is too wide to state a delay."""
-    half = half_width(timings)
-    if not timings or math.isnan(fit.delay_sigma_s):
-        return fit, ()
-    sigma = math.hypot(fit.delay_sigma_s, half)
-    if half <= MOST_HALF_WIDTH_S:
-        return replace(fit, delay_sigma_s=sigma), ()
-    note = (
-        f"the torque's delay is not stated: stamps in bursts leave an interval of {(fit.delay_s - half) * 1e3:.2f} .."
-        f" {(fit.delay_s + half) * 1e3:.2f} ms beside the latency of the link; the errors are at its middle"
-    )
-    return replace(fit, delay_sigma_s=sigma, identifiable=False), (note,)
-
-
 def widened(delay: Estimate, timings: Sequence[StampTiming]) -> Estimate:
     """Widen the interval of an estimated delay [s] by the uncertainty of the stamps."""
     half = half_width(timings)
     if not timings or math.isnan(delay.sigma):
         return delay
-    sigma = math.hypot(delay.sigma, half)
-    return Estimate(delay.value, sigma, (delay.value - _TWO_SIGMA * sigma, delay.value + _TWO_SIGMA * sigma))
+    return Estimate.normal(delay.value, math.hypot(delay.sigma, half))

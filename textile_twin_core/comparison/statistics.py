@@ -50,3 +50,12 @@ def error_statistics(measured_Nm: FloatArray, expected_Nm: FloatArray) -> ErrorS
         peak_Nm=peak,
         count=int(error.size),
     )
+
+
+def line(expected_Nm: FloatArray, measured_Nm: FloatArray) -> tuple[float, float]:
+    """Least-squares factor and offset of measured over expected torque; factor 1 for a constant one."""
+    centred = expected_Nm - expected_Nm.mean()
+    power = float(centred @ centred)
+    constant = power <= 1e-24 * float(np.max(np.abs(expected_Nm), initial=0.0)) ** 2 * expected_Nm.size
+    factor = 1.0 if constant else float(centred @ measured_Nm) / power
+    return factor, float(measured_Nm.mean() - factor * expected_Nm.mean())

@@ -21,7 +21,7 @@ def summary_rows(comparison: Comparison) -> list[tuple[str, str]]:
         ("mean error", f"{errors.bias_Nm:+.4f} N m"),
         ("correlation", f"{errors.correlation:.6f}"),
         ("peak, measured", f"{errors.peak_Nm:.3f} N m"),
-        *(sensors or _aligned(comparison)),
+        *sensors,
         (
             f"RMS, delay {comparison.sensor_delay_s * 1e3:g} ms as configured",
             f"{comparison.errors_configured.rms_error_Nm:.4f} N m",
@@ -34,16 +34,6 @@ def summary_rows(comparison: Comparison) -> list[tuple[str, str]]:
     return rows + [("note", note) for note in comparison.notes]
 
 
-def _aligned(comparison: Comparison) -> list[tuple[str, str]]:
-    """Rows of the best delay, gain and offset, for a comparison without a verdict."""
-    fit = comparison.fit
-    delay = f"{fit.delay_s * 1e3:.3f} ms" + (
-        f" +- {fit.delay_sigma_s * 1e3:.3f}" if math.isfinite(fit.delay_sigma_s) else " (configured)"
-    )
-    line = f"{fit.gain:.4f}, {fit.offset_Nm:+.4f} N m" + ("" if fit.sought else " (configured)")
-    return [("sensor delay", delay), ("sensor gain, offset", line)]
-
-
 def agrees_with_file(comparison: Comparison) -> bool:
     """Return true if the recording was judged and agrees with the machine file; false without a judgement."""
     return not comparison.verdict and bool(comparison.quantities)
@@ -54,7 +44,7 @@ def verdict_lines(comparison: Comparison) -> list[str]:
     if comparison.verdict:
         return [cause.text for cause in comparison.verdict]
     if math.isnan(comparison.explained):
-        return ["nothing can be told from this recording; see the notes"]
+        return ["nothing can be determined from this recording; see the notes"]
     if not agrees_with_file(comparison):
         share = f"{comparison.explained * 100.0:.0f} %"
         return [f"nothing is judged, though the machine explains but {share} of the torque's variance; see the notes"]

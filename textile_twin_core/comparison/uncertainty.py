@@ -21,6 +21,7 @@ _FEW = 3.0
 """Degrees of freedom below which turns may agree by chance."""
 _UNTOLD = 0.5
 """Share of a parameter's variance that the turns must determine."""
+_NORMAL95 = 1.959964
 _DRAWS = 400
 _SEED = 20160614
 
@@ -51,6 +52,11 @@ class Estimate:
     value: float
     sigma: float = math.nan
     interval95: tuple[float, float] = (math.nan, math.nan)
+
+    @classmethod
+    def normal(cls, value: float, sigma: float) -> Estimate:
+        """Return the estimate of a normal distribution."""
+        return cls(value, sigma, (value - _NORMAL95 * sigma, value + _NORMAL95 * sigma))
 
     def scaled(self, factor: float, shift: float = 0.0) -> Estimate:
         """Return factor * value + shift, with its uncertainty."""

@@ -77,7 +77,7 @@ class ElasticShaft:
 
     `ratios` (stations,) turn a reduced angle into the station's own; a reduced piece torque divided by that of the
     piece's far station is the torque in the piece. `drive_inertia_kgm2` and `slip_Nms_rad` are 0 where the machine file
-    leaves them out. `table_error` is the largest error of the tables over the peak of the tabulated function.
+    leaves them out.
     """
 
     shaft: MainShaft
@@ -85,7 +85,6 @@ class ElasticShaft:
     ratios: FloatArray
     hanger_stations: tuple[int, ...]
     profiles: tuple[AngleProfile, ...]
-    table_error: float
 
     @property
     def stations(self) -> int:
@@ -161,8 +160,8 @@ def elastic_shaft(machine: Machine, tolerance: float = _TABLE_TOLERANCE) -> Elas
         places.append((places[0][0], 1, 0.0))
     places.sort(key=lambda place: place[0])
     ratios = np.array(shaft.speed_ratios) / shaft.speed_ratios[places[0][0]]
-    chain, error = _arrays(shaft, ratios, places, profiles, tolerance, _SLOW * machine.nominal_speed_rad_s)
-    built = ElasticShaft(shaft, chain, ratios, tuple(place[0] for place in places), tuple(profiles), error)
+    chain = _arrays(shaft, ratios, places, profiles, tolerance, _SLOW * machine.nominal_speed_rad_s)
+    built = ElasticShaft(shaft, chain, ratios, tuple(place[0] for place in places), tuple(profiles))
     _check_inertia(built)
     return built
 
@@ -170,8 +169,8 @@ def elastic_shaft(machine: Machine, tolerance: float = _TABLE_TOLERANCE) -> Elas
 def bare_shaft(shaft: MainShaft) -> ElasticShaft:
     """The elastic shaft without linkages, reduced to its first station. Raises MachineError as `elastic_shaft`."""
     ratios = np.array(shaft.speed_ratios)
-    chain, error = _arrays(shaft, ratios, [], [], _TABLE_TOLERANCE, _SLOW)
-    built = ElasticShaft(shaft, chain, ratios, (), (), error)
+    chain = _arrays(shaft, ratios, [], [], _TABLE_TOLERANCE, _SLOW)
+    built = ElasticShaft(shaft, chain, ratios, (), ())
     _check_inertia(built)
     return built
 
@@ -191,8 +190,7 @@ def _arrays(
     profiles: Sequence[AngleProfile],
     tolerance: float,
     slow_rad_s: float,
-) -> tuple[ShaftChain, float]:
-    """Arrays of a chain, and the error of its tables."""
+) -> ShaftChain:
     far = ratios[1:]
     bars = np.array([piece.bar_inertia_kgm2 for piece in shaft.pieces]) * far**2
     inertia = np.array([station.inertia_kgm2 for station in shaft.stations]) * ratios**2
@@ -202,7 +200,7 @@ def _arrays(
     drive = shaft.drive_station
     inertia[drive] += (shaft.drive.inertia_kgm2 or 0.0) * ratios[drive] ** 2
     viscous[drive] += (shaft.drive.slip_Nms_rad or 0.0) * ratios[drive] ** 2
-    tables, errors = zip(*(tabulate(p.functions, tolerance) for p in profiles), strict=True) if profiles else ((), ())
+    tables = [tabulate(p.functions, tolerance) for p in profiles]
     loads = max((p.powers.size for p in profiles), default=0)
     rows = [table.shape[0] for table in tables]
     table = np.zeros((sum(rows), 3 + loads, 4))
@@ -228,7 +226,7 @@ def _arrays(
                 coefficients.append(np.pad(row, (0, loads - row.size)))
         start_begin[direction, len(profiles)] = len(starts)
     carried = np.array([place[0] for place in places], dtype=np.int64)
-    chain = ShaftChain(
+    return ShaftChain(
         inertia=inertia,
         viscous=viscous,
         stiffness=np.array([piece.stiffness for piece in shaft.pieces]) * far**2,
@@ -248,7 +246,6 @@ def _arrays(
         slow_rad_s=slow_rad_s,
         friction_Nm=max((_friction_bound(profile) for profile in profiles), default=0.0),
     )
-    return chain, max(errors, default=0.0)
 
 
 def _friction_bound(profile: AngleProfile) -> float:

@@ -162,11 +162,10 @@ def evaluate(functions: Sequence[Expr], theta: FloatArray) -> FloatArray:
     return found
 
 
-def tabulate(functions: Sequence[Expr], tolerance: float) -> tuple[FloatArray, float]:
+def tabulate(functions: Sequence[Expr], tolerance: float) -> FloatArray:
     """Periodic cubic Hermite table of functions of theta, refined until each is within the tolerance of its peak.
 
-    Returns (nodes, functions, 4) coefficients of the powers of u in [0, 1) behind each node, and the largest error
-    between the nodes, over the function's peak.
+    Returns (nodes, functions, 4) coefficients of the powers of u in [0, 1) behind each node.
     """
     slopes = derivative(functions, variable("theta"))
     nodes = _FEWEST_NODES
@@ -181,5 +180,5 @@ def tabulate(functions: Sequence[Expr], tolerance: float) -> tuple[FloatArray, f
         peaks = np.maximum(np.abs(values).max(axis=1), 1e-300)
         error = float((np.abs(middle - evaluate(functions, begin + 0.5 * step)).max(axis=1) / peaks).max())
         if error <= tolerance or nodes >= _MOST_NODES:
-            return np.ascontiguousarray(table.transpose(1, 0, 2)), error
+            return np.ascontiguousarray(table.transpose(1, 0, 2))
         nodes *= 2

@@ -15,8 +15,6 @@ _SAMPLES = 10.0
 """Samples in a block beyond which more add no information."""
 _WHOLE = 0.7
 """Share of the usual weight of a block's samples below which the block is discarded."""
-_WILD = 3.0
-"""Scale of Huber's loss of blocks in root mean squares: only residuals beyond it are outliers."""
 _RUN = 240
 """Consecutive samples in each part of a thinned record."""
 

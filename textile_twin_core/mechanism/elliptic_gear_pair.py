@@ -86,12 +86,6 @@ class EllipticGearPair(PlainGroup):
         """Numerical eccentricity e of the pitch ellipses."""
         return real.sqrt((1.0 - self.axis_ratio) * (1.0 + self.axis_ratio))
 
-    @property
-    def ratio_range(self) -> tuple[float, float]:
-        """Smallest and largest speed of the driven gear over the driver's."""
-        e = self.eccentricity
-        return (1.0 - e) / (1.0 + e), (1.0 + e) / (1.0 - e)
-
     def driven_turn(self, driver_turn_rad: float) -> float:
         """Compute f2 at f1, both unwrapped and counted from the smallest ratio [rad]."""
         e = self.eccentricity

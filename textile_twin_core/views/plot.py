@@ -63,12 +63,12 @@ def plot_comparison(path: str | os.PathLike[str], comparison: Comparison, machin
 
 
 def _headline(figure: Figure, comparison: Comparison, title: str) -> None:
-    errors, fit = comparison.errors, comparison.fit
+    errors = comparison.errors
     figure.text(0.025, 0.955, title, fontsize=19, weight="bold", color=paper.INK)
     facts = [
         f"RMS error {errors.rms_error_Nm:.3f} N m, {errors.rms_over_peak * 100.0:.2f} % of the peak",
         f"correlation {errors.correlation:.5f}",
-        f"sensor delay {fit.delay_s * 1e3:.2f} ms, gain {fit.gain:.3f}",
+        f"sensor delay {comparison.delay.value * 1e3:.2f} ms, gain {comparison.fitted_gain:.3f}",
         f"{comparison.revolutions:.0f} turns, {comparison.samples.used} samples used, "
         f"{comparison.samples.rejected} rejected",
     ]
@@ -91,7 +91,7 @@ def _torque_over_time(axes: Axes, comparison: Comparison, window: tuple[float, f
     shown = (time >= window[0]) & (time <= window[1])
     predicted_time = (
         comparison.predicted_stamps_ns - comparison.predicted_stamps_ns[0]
-    ) * 1e-9 + comparison.fit.delay_s
+    ) * 1e-9 + comparison.delay.value
     expected = comparison.predicted_reading_Nm
     sigma = comparison.predicted_sigma_Nm
     gaps = gap_times(predicted_time)  # no line is drawn across them

@@ -134,8 +134,8 @@ def _write(
         # Apply the sensor model, so that both curves and the residual refer to the same instant.
         shown = comparison.predicted_reading_Nm
         sigma = abs(comparison.sensor_gain) * comparison.predicted_sigma_Nm
-        writer.predicted(predicted_s + comparison.fit.delay_s, shown, sigma)
-        gaps = gap_times(predicted_s) + comparison.fit.delay_s
+        writer.predicted(predicted_s + comparison.delay.value, shown, sigma)
+        gaps = gap_times(predicted_s) + comparison.delay.value
         writer.predicted(gaps, np.full_like(gaps, np.nan), np.full_like(gaps, np.nan))
         writer.over_angle("predicted", predicted_s, theta, shown)
         writer.point("angle/now", torque_canvas, predicted_s[frames], theta[frames], shown[frames])

@@ -154,14 +154,13 @@ def write_report(
         RecordingError: The file cannot be written there.
     """
     lines = verdict_lines(comparison)
-    fit = comparison.fit
-    delay = f"{fit.delay_s * 1e3:.3f} ± {fit.delay_sigma_s * 1e3:.3f} ms" if fit.identifiable else "not identifiable"
-    line = (f"{fit.gain:.4f}", f"{fit.offset_Nm:+.4f} N m") if fit.sought else ("not identifiable", "not identifiable")
+    known, sigma = math.isfinite(comparison.delay.sigma), comparison.delay.sigma
+    delay = f"{comparison.delay.value * 1e3:.3f} ± {sigma * 1e3:.3f} ms" if known else "not identifiable"
     sensor = [
         ("", "configured", "estimated from the recording"),
         ("delay", f"{comparison.sensor_delay_s * 1e3:.3f} ms", delay),
-        ("gain", f"{comparison.sensor_gain:.4f}", line[0]),
-        ("offset", f"{comparison.sensor_offset_Nm:.4f} N m", line[1]),
+        ("gain", f"{comparison.sensor_gain:.4f}", f"{comparison.fitted_gain:.4f}"),
+        ("offset", f"{comparison.sensor_offset_Nm:.4f} N m", f"{comparison.fitted_offset_Nm:+.4f} N m"),
     ]
     events = [(event.name.replace("_", " "), f"{math.degrees(event.angle_rad):.2f}°") for event in comparison.events]
     made = {
