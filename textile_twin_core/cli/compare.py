@@ -11,7 +11,6 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from textile_twin_core.cli import compare_quantity
 from textile_twin_core.cli.arguments import Parser, add_machine, add_recording, number, shaft_settings
 from textile_twin_core.cli.mistakes import BeyondLimitError, UsageError
 from textile_twin_core.cli.named_machine import load_linkage
@@ -87,6 +86,8 @@ def run(arguments: argparse.Namespace) -> None:
         return
     check_outputs(arguments)
     if arguments.quantity is not None:
+        from textile_twin_core.cli import compare_quantity
+
         compare_quantity.run(arguments, machine, _LIMITS)
         return
 

@@ -6,8 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import median_filter
-from scipy.optimize import minimize_scalar
+import scipy
 
 from textile_twin_core.arrays import BoolArray, FloatArray
 from textile_twin_core.comparison.shaft_track import TURN
@@ -103,7 +102,7 @@ def _strongest(time: FloatArray, residual: FloatArray, theta: FloatArray, speed:
     even[place] = residual
     power = np.abs(np.fft.rfft(even)) ** 2
     frequency = np.fft.rfftfreq(even.size, step)
-    ratio = power / np.maximum(median_filter(power, _BINS, mode="nearest"), 1e-300)
+    ratio = power / np.maximum(scipy.ndimage.median_filter(power, _BINS, mode="nearest"), 1e-300)
     ratio[frequency < _LEAST_HZ] = 0.0
     for peak in np.argsort(-ratio)[:_MOST_LINES].tolist():
         if ratio[peak] < _ABOVE:
@@ -123,7 +122,8 @@ def _fitted(time: FloatArray, residual: FloatArray, near_hz: float, width_hz: fl
     def lacking(hz: float) -> float:
         return -_amplitude(residual, 2.0 * math.pi * hz * time)
 
-    hz = float(minimize_scalar(lacking, bounds=(near_hz - width_hz, near_hz + width_hz), method="bounded").x)
+    bounds = near_hz - width_hz, near_hz + width_hz
+    hz = float(scipy.optimize.minimize_scalar(lacking, bounds=bounds, method="bounded").x)
     phase = 2.0 * math.pi * hz * time
     cosine, sine = np.linalg.lstsq(np.stack([np.cos(phase), np.sin(phase)], 1), residual, rcond=None)[0].tolist()
     return TimeLine(hz, cosine, sine)
