@@ -8,7 +8,6 @@ from textile_twin_core.lazy import listing_of, names_of
 
 if TYPE_CHECKING:
     from textile_twin_core.comparison.assessment import Assessment, assess
-    from textile_twin_core.comparison.by_angle import AngleBins, RevolutionErrors, RunningAngleBins
     from textile_twin_core.comparison.calibration import Calibration, calibrate
     from textile_twin_core.comparison.cause import Cause
     from textile_twin_core.comparison.compare import compare_torque
@@ -16,7 +15,7 @@ if TYPE_CHECKING:
     from textile_twin_core.comparison.identified_machine import with_table
     from textile_twin_core.comparison.readings import Readings
     from textile_twin_core.comparison.result import Comparison, ComparisonEvent, SampleCount
-    from textile_twin_core.comparison.statistics import ErrorStatistics
+    from textile_twin_core.comparison.statistics import AngleBins, ErrorStatistics, RevolutionErrors, RunningAngleBins
     from textile_twin_core.comparison.summary import agrees_with_file, summary_rows, verdict_lines
     from textile_twin_core.comparison.uncertainty import Estimate
 
@@ -49,7 +48,7 @@ __dir__ = listing_of(__all__)
 __getattr__ = names_of(
     __name__,
     {
-        "AngleBins": "by_angle",
+        "AngleBins": "statistics",
         "Assessment": "assessment",
         "Calibration": "calibration",
         "Cause": "causes",
@@ -59,8 +58,8 @@ __getattr__ = names_of(
         "Estimate": "uncertainty",
         "Identification": "identification",
         "Readings": "readings",
-        "RevolutionErrors": "by_angle",
-        "RunningAngleBins": "by_angle",
+        "RevolutionErrors": "statistics",
+        "RunningAngleBins": "statistics",
         "SampleCount": "result",
         "assess": "assessment",
         "calibrate": "calibration",

@@ -8,12 +8,17 @@ import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.comparison.alignment import Track, build_track, fast_speed, time_ranges
-from textile_twin_core.comparison.by_angle import bin_by_angle, by_revolution
-from textile_twin_core.comparison.by_order import by_order, by_speed
 from textile_twin_core.comparison.expected_reading import reading_track
 from textile_twin_core.comparison.inputs import usable_measurements, usable_predictions
 from textile_twin_core.comparison.result import Comparison, ComparisonEvent, SampleCount
-from textile_twin_core.comparison.statistics import error_statistics, line
+from textile_twin_core.comparison.statistics import (
+    bin_by_angle,
+    by_order,
+    by_revolution,
+    by_speed,
+    error_statistics,
+    line,
+)
 from textile_twin_core.comparison.uncertainty import Estimate
 from textile_twin_core.errors import AlignmentError
 from textile_twin_core.machine import Event, TorqueFilter, TorqueSensor

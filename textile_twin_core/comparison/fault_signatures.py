@@ -19,7 +19,6 @@ from textile_twin_core.machine import Machine
 from textile_twin_core.twin import compile_machine
 
 BINS = 36
-FEWEST_TORQUES_PER_TURN = 12
 _SLOW = 0.05
 _PHASE_STEP = 1e-3
 _JUMP_GUARD_RAD = 0.15

@@ -14,7 +14,6 @@ from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.comparison.expected_reading import filtered_at
 from textile_twin_core.comparison.fault_band import SERIES
 from textile_twin_core.comparison.fault_signatures import (
-    FEWEST_TORQUES_PER_TURN,
     KINDS,
     Signatures,
     TurnFeatures,
@@ -29,7 +28,7 @@ from textile_twin_core.comparison.inputs import usable_measurements
 from textile_twin_core.comparison.motion_cycles import Reversals, WatchedSpan, labelled, numbers
 from textile_twin_core.comparison.process_force import ProcessForce
 from textile_twin_core.comparison.range_ends import RangeEnds, range_end_note
-from textile_twin_core.comparison.readings import Readings
+from textile_twin_core.comparison.readings import FEWEST_TORQUES_PER_TURN, Readings
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
 from textile_twin_core.machine import Machine, TorqueFilter
 from textile_twin_core.shaft import SampleReport, create_estimator

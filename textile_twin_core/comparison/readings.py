@@ -14,6 +14,8 @@ from textile_twin_core.errors import RecordingError
 
 FEWEST_TURNS = 1.0
 """Fewest turns of the shaft that determine any setting."""
+FEWEST_TORQUES_PER_TURN = 12
+"""Fewest torques in a turn that the monitor watches."""
 _FEWEST = 16
 """Fewest samples for a comparison."""
 ANGLE_TURNS = {"rad": TURN, "deg": 360.0, "rev": 1.0, "gon": 400.0}

@@ -11,9 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
-from textile_twin_core.comparison.by_angle import AngleBins, RevolutionErrors
-from textile_twin_core.comparison.by_order import OrderSpectrum, SpeedBins
-from textile_twin_core.comparison.statistics import ErrorStatistics
+from textile_twin_core.comparison.statistics import (
+    AngleBins,
+    ErrorStatistics,
+    OrderSpectrum,
+    RevolutionErrors,
+    SpeedBins,
+)
 from textile_twin_core.comparison.uncertainty import Estimate
 from textile_twin_core.inference.force_law import LearnedCurve
 from textile_twin_core.machine import Event

@@ -27,8 +27,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from textile_twin_core.arrays import FloatArray, IntArray
-from textile_twin_core.comparison.fault_signatures import FEWEST_TORQUES_PER_TURN
-from textile_twin_core.comparison.readings import other_unit
+from textile_twin_core.comparison.readings import FEWEST_TORQUES_PER_TURN, other_unit
 from textile_twin_core.recordings.sample_clock import even_times, find_bursts
 from textile_twin_core.shaft import SampleReport
 from textile_twin_ros.diagnostics import ERROR, OK, WARN, WINDOW_S, Status
