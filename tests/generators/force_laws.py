@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tests.generators.mill_recordings import SPEED, Case, MillRecording, healthy, record, shown_torque
+from tests.generators.mill_recordings import SPEED, START_NS, Case, MillRecording, healthy, record, shown_torque
 from tests.generators.multibody import Floats
 from tests.generators.shaft_law import loom_law, tufting_law
 
@@ -119,8 +119,8 @@ def law_torque(law: ForceLaw, case: Case, made: MillRecording) -> Floats:
 def _late(case: Case, made: MillRecording) -> Floats:
     """Time of the shaft that each measured torque shows [s]."""
     s = case.torque
-    # the stamps' own errors are tens of microseconds: the law's torque is taken at the stamp
-    time = (made.torque_stamps_ns - made.torque_stamps_ns[0]) * 1e-9 + 0.0507
+    stamped = (made.torque_stamps_ns - START_NS) * 1e-9
+    time = 0.0507 + np.rint((stamped - 0.0507) * s.rate_hz) / s.rate_hz  # the stamps' errors are far below an interval
     return np.asarray(np.clip(time - s.delay_s - s.drift * (time - 0.5 * case.duration_s), 0.0, case.duration_s))
 
 

@@ -36,7 +36,7 @@ def by_every_back_end(expressions: Sequence[Expr], theta: float) -> list[tuple[f
 @lru_cache(maxsize=64)
 def _back_ends(expressions: tuple[Expr, ...]) -> tuple[ScalarFunction, Loop, Any]:
     loop = Loop(list(expressions), ["theta"])
-    return compile_scalar(list(expressions), ["theta"]), loop, loop.functions()[0]
+    return compile_scalar(list(expressions), ["theta"]), loop, loop.functions()["one"]
 
 
 @dataclass(frozen=True)

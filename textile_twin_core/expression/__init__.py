@@ -8,6 +8,7 @@ Nodes that an output does not need are never evaluated.
 from textile_twin_core.expression.graph import Expr, const, variable
 from textile_twin_core.expression.interpret import interpret
 from textile_twin_core.expression.operations import absolute, at_least, atan2, cos, select, sign, sin, sqrt, square
+from textile_twin_core.expression.piecewise_polynomial import piecewise
 from textile_twin_core.expression.traversal import derivative, substitute, topological_order
 
 __all__ = [
@@ -19,6 +20,7 @@ __all__ = [
     "cos",
     "derivative",
     "interpret",
+    "piecewise",
     "select",
     "sign",
     "sin",

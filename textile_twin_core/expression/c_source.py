@@ -96,6 +96,8 @@ def _value(op: str, a: Sequence[str]) -> str:
             return f"{a[0]} >= {a[1]} ? 1.0 : 0.0"
         case "select":
             return f"{a[0]} != 0.0 ? {a[1]} : {a[2]}"
+        case "piecewise":
+            return a[2]
         case "atan2":
             return f"atan2({a[0]}, {a[1]})"
         case _:

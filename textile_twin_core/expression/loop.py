@@ -15,10 +15,11 @@ import numpy as np
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.compiling import align_stack, compile_for, compiled, is_available
 from textile_twin_core.expression import inline
-from textile_twin_core.expression.graph import Expr
+from textile_twin_core.expression.graph import Expr, variable
 from textile_twin_core.expression.interpret import interpret
+from textile_twin_core.expression.piecewise_polynomial import along, piece, rows_of, searched
 from textile_twin_core.expression.scalar import statements
-from textile_twin_core.expression.traversal import topological_order
+from textile_twin_core.expression.traversal import substitute, topological_order
 
 LONG: Final = 1024
 """Smallest block [samples] that counts towards compilation; the blocks of a live machine are shorter."""
@@ -30,6 +31,10 @@ _CHUNK: Final = 8192
 """Samples interpreted at a time, so that intermediate results stay in the cache."""
 _INTERLEAVE: Final = {12: 4, 24: 2}
 """Interleaved vectors of samples, by the largest number of outputs; with more outputs memory is the limit."""
+_SINGLE: Final = frozenset(("one", "first", "last"))
+_PARTS: Final = frozenset(("before", "after"))
+_PART: Final = 544
+"""Samples of a part, whose values between the passes stay in the nearest cache."""
 _MET: Final[Counter[bytes]] = Counter()
 """Samples in long blocks so far, by code."""
 _COMPILED: Final[dict[bytes, tuple[Any, Any]]] = {}
@@ -102,46 +107,96 @@ class Loop:
             return None
         if self._code in _COMPILED:
             return _COMPILED[self._code]
-        one, run = self.functions()
-        one = run.__globals__["one"] = compiled(one, inlined=True)
-        run = compiled(
-            run, noalias=True, interleave=next((k for n, k in _INTERLEAVE.items() if len(self._outputs) <= n), 0)
-        )
+        vectors = next((k for n, k in _INTERLEAVE.items() if len(self._outputs) <= n), 0)
+        scope = self.functions()
+        for name in _SINGLE & scope.keys():
+            scope[name] = compiled(scope[name], inlined=True)
+        for name in _PARTS & scope.keys():
+            scope[name] = compiled(scope[name], noalias=True, interleave=vectors, counted=False)
+        one, run = scope["one"], compiled(scope["run"], noalias=True, interleave=vectors)
         read, written = np.empty(1), np.empty(1)
         read.flags.writeable = False
         compile_for(run, [read] * len(self._inputs) + [*self._tables.values()] + [written] * len(self._outputs))
         return _COMPILED.setdefault(self._code, (one, run))
 
-    def functions(self) -> tuple[Any, Any]:
-        """Return both functions as Python: one sample to outputs and count of angles out of range; and over arrays."""
+    def functions(self) -> dict[str, Any]:
+        """Return the namespace with the functions as Python.
+
+        `one` takes one sample to the outputs and the number of angles out of range, `run` does so over arrays.
+        """
         scope: dict[str, Any] = {"float64": np.float64, "int64": np.int64, "sqrt": math.sqrt, "__name__": __name__}
-        scope |= {"sincos": inline.sincos, "atan2": inline.atan2, "FARTHEST": inline.FARTHEST}
-        scope["align_stack"] = align_stack
+        scope |= {"sincos": inline.sincos, "atan2": inline.atan2, "FARTHEST": inline.FARTHEST, "empty": np.empty}
+        scope |= {"align_stack": align_stack, "piece": piece, "along": along}
+        for each in self._pieces:
+            scope |= rows_of(each).arrays()
         exec(compile(self._source(), "<twin loop>", "exec"), scope)
-        for name in ("one", "run"):  # the compiler caches functions by name: each code needs a unique name
+        for name in ({"run"} | _SINGLE | _PARTS) & scope.keys():  # the compiler caches functions by name
             scope[name].__qualname__ = f"{name}_{self._code.hex()}"
-        return scope["one"], scope["run"]
+        return scope
 
     def _source(self) -> str:
-        lines, values = statements(self._outputs, deepest=0, paired=True)
-        one = [
-            f"def one({', '.join([*self._inputs, *self._tables])}):",
-            "far = 0",
-            *self._prologue,
-            *lines,
-            f"return {', '.join(values)}, far",
-        ]
-        outs, found = [f"out{k}" for k in range(len(values))], [f"value{k}" for k in range(len(values))]
+        inputs, tables = self._inputs, list(self._tables)
+        outs = [f"out{k}" for k in range(len(self._outputs))]
+        source = _single("one", [*inputs, *tables], self._outputs, self._prologue)
+        if self._pieces:
+            return source + self._source_in_parts(outs)
+        head = [f"def run({', '.join([*inputs, *tables, *outs])}):"]
+        return source + _pass(head, f"{inputs[0]}.shape[0]", "one", [*(f"{x}[i]" for x in inputs), *tables], outs)
+
+    @cached_property
+    def _pieces(self) -> list[Expr]:
+        """Piecewise polynomials among the outputs' nodes, of which none lies over another one."""
+        return [node for node in topological_order(searched(self._outputs)) if node.op == "piecewise"]
+
+    def _source_in_parts(self, outs: Sequence[str]) -> str:
+        """Write a loop in parts of the arrays: the expressions below the pieces, the pieces, and those above.
+
+        A search for a piece among the rest would keep the compiler from vectorising it.
+        """
+        outputs = searched(self._outputs)
+        above = set(self._pieces)
+        for node in topological_order(outputs):
+            if any(a in above for a in node.args):
+                above.add(node)
+        needed = [a for node in topological_order(outputs) if node in above for a in node.args]
+        below = [e for e in dict.fromkeys(needed) if e not in above and not e.is_constant]
+        name = {e: f"w{k}" for k, e in enumerate([*below, *self._pieces])}
+        early, late = ([k for k, e in enumerate(outputs) if (e in above) == way] for way in (False, True))
+        inputs, tables, work = list(self._inputs), list(self._tables), list(name.values())
+        first = _single("first", [*inputs, *tables], [*below, *(outputs[k] for k in early)], self._prologue)
+        new = {e: variable(each) for e, each in name.items()}
+        last = _single("last", work, substitute([outputs[k] for k in late], new), ())
+        kept, ready, made = work[: len(below)], [outs[k] for k in early], [outs[k] for k in late]
+
+        def part(names: Sequence[str]) -> list[str]:
+            return [f"{name}[start:end]" for name in names]
+
+        before = [f"def before({', '.join([*inputs, *tables, *kept, *ready])}):"]
+        after = [f"def after({', '.join([*work, *made])}):"]
         run = [
-            f"def run({', '.join([*self._inputs, *self._tables, *outs])}):",
-            "align_stack()",
+            f"def run({', '.join([*inputs, *tables, *outs])}):",
             "total = 0",
-            f"for i in range({self._inputs[0]}.shape[0]):",
-            f"    {', '.join(found)}, far = one({', '.join([*(f'{x}[i]' for x in self._inputs), *self._tables])})",
-            "    total += far",
-            *(f"    {out}[i] = {value}" for out, value in zip(outs, found, strict=True)),
+            f"work = empty(({len(work)}, {_PART}))",
+            *(f"{each} = work[{k}]" for k, each in enumerate(work)),
+            f"for start in range(0, {inputs[0]}.shape[0], {_PART}):",
+            f"    end = min(start + {_PART}, {inputs[0]}.shape[0])",
+            f"    total += before({', '.join([*part(inputs), *tables, *kept, *part(ready)])})",
         ]
-        return "\n    ".join(one) + "\n\n" + "\n    ".join(run) + "\n    return total\n"
+        for node in self._pieces:
+            place, condition = (name[a] for a in node.args)
+            rows = rows_of(node).name
+            run.append(f"    along({place}, {condition}, end - start, edges_{rows}, {rows}, {name[node]})")
+        run += [f"    after({', '.join([*work, *part(made)])})", "return total"]
+        at = [*(f"{x}[i]" for x in inputs), *tables]
+        return "".join(
+            [
+                first,
+                _pass(before, f"{inputs[0]}.shape[0]", "first", at, [*kept, *ready]),
+                last,
+                _pass(after, f"{made[0]}.shape[0]", "last", [f"{w}[i]" for w in work], made),
+                "\n    ".join(run) + "\n",
+            ]
+        )
 
     def _fill(self, inputs: Sequence[FloatArray], outputs: Sequence[FloatArray]) -> None:
         if not self.is_compiled or self._compiled is None:
@@ -161,6 +216,28 @@ class Loop:
                 read = {name: a[p] for name, a in zip(self._inputs, inputs, strict=True)}
                 for a, values in zip(outputs, interpret(self._plain, read, Numpy), strict=True):
                     a[p] = values
+
+
+def _single(name: str, arguments: Sequence[str], outputs: Sequence[Expr], prologue: Sequence[str]) -> str:
+    """Write a function of one sample to the outputs and the number of angles out of range."""
+    lines, values = statements(outputs, deepest=0, paired=True)
+    head = f"def {name}({', '.join(arguments)}):"
+    return "\n    ".join([head, "far = 0", *prologue, *lines, f"return {', '.join([*values, 'far'])}"]) + "\n\n"
+
+
+def _pass(head: Sequence[str], count: str, function: str, arguments: Sequence[str], arrays: Sequence[str]) -> str:
+    """Write a loop that calls a function of one sample and stores its outputs in arrays."""
+    found = [f"value{k}" for k in range(len(arrays))]
+    lines = [
+        *head,
+        "align_stack()",
+        "total = 0",
+        f"for i in range({count}):",
+        f"    {', '.join([*found, 'far'])} = {function}({', '.join(arguments)})",
+        "    total += far",
+        *(f"    {array}[i] = {value}" for array, value in zip(arrays, found, strict=True)),
+    ]
+    return "\n    ".join(lines) + "\n    return total\n\n"
 
 
 class Numpy:

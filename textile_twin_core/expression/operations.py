@@ -112,5 +112,6 @@ OPERATIONS.update(
         "select": Operation(
             _select, "({1} if {0} else {2})", lambda e, d: select(e.args[0], d[1], d[2]), simplify.select, cost=2.0
         ),
+        "piecewise": Operation(lambda f, place, condition, tree: tree, "{2}", lambda e, d: d[2], lambda *args: args[2]),
     }
 )

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 from textile_twin_core.expression.graph import OPERATIONS, Expr
+from textile_twin_core.expression.piecewise_polynomial import Rows, searched
 from textile_twin_core.expression.traversal import topological_order
 
 _MENTIONED_TWICE: Final = frozenset(op for op, record in OPERATIONS.items() if record.source.count("{0}") > 1)
@@ -23,11 +24,14 @@ def statements(outputs: Sequence[Expr], deepest: int, paired: bool = False) -> t
     """Write assignments, and for each output an expression of the assigned names.
 
     Nodes that are needed once are nested inline, up to `deepest` levels. With `paired`, sine and cosine come from one
-    call of sincos, and `far` counts the angles beyond FARTHEST, which sincos cannot reduce.
+    call of sincos, and `far` counts the angles beyond FARTHEST, which sincos cannot reduce; the arrays of a piecewise
+    polynomial have its own names.
     """
+    outputs = searched(outputs)
     order = topological_order(outputs)
     uses = Counter(a for node in order for a in node.args)
     uses.update([*outputs, *(node.args[0] for node in order if node.op in _MENTIONED_TWICE)])
+    uses.update(a for node in order if node.op == "piecewise" for a in node.args)
     text: dict[Expr, str] = {}
     depth: dict[Expr, int] = {}
     lines: list[str] = []
@@ -42,6 +46,19 @@ def statements(outputs: Sequence[Expr], deepest: int, paired: bool = False) -> t
                 lines.append(f"sin{k}, cos{k} = sincos({text[angle]})")
                 lines.append(f"far += 1 if abs({text[angle]}) > FARTHEST else 0")
             text[node] = f"{node.op}{pairs[angle]}"
+        elif isinstance(node.payload, Rows):
+            k, (place, condition) = len(lines), (text[a] for a in node.args)
+            if paired:
+                name = node.payload.name
+                lines.append(f"v{k} = piece({place}, {condition}, edges_{name}, {name})")
+            else:
+                numbers = [f"{letter}{k}" for letter in "oabcd"[: node.payload.degree + 2]]
+                lines.append(f"{', '.join(numbers)} = {_choice(node.payload, place, condition)}")
+                value = numbers[-1]
+                for number in numbers[-2:0:-1]:
+                    value = f"{number} + t{k} * ({value})"
+                lines += [f"t{k} = {place} - o{k}", f"v{k} = {value}"]
+            text[node] = f"v{k}"
         else:
             text[node] = OPERATIONS[node.op].source.format(*(text[a] for a in node.args))
             depth[node] = 1 + max(depth.get(a, 0) for a in node.args)
@@ -49,6 +66,21 @@ def statements(outputs: Sequence[Expr], deepest: int, paired: bool = False) -> t
                 lines.append(f"v{len(lines)} = {text[node]}")
                 text[node], depth[node] = f"v{len(lines) - 1}", 0
     return lines, [text[e] for e in outputs]
+
+
+def _choice(rows: Rows, place: str, condition: str) -> str:
+    """Write the choice of a row by comparisons, which take less time than a call of a search."""
+    used = rows.degree + 2
+    pairs = [(a[:used], b[:used]) for a, b in zip(rows.yes, rows.no, strict=True)]
+    leaves = [f"{a}" if a == b else f"({a} if {condition} else {b})" for a, b in pairs]
+
+    def between(low: int, high: int) -> str:
+        if low == high:
+            return leaves[low]
+        middle = (low + high) // 2
+        return f"({between(low, middle)} if {place} < {rows.edges[middle]!r} else {between(middle + 1, high)})"
+
+    return between(0, len(rows.edges))
 
 
 def scalar_source(outputs: Sequence[Expr], inputs: Sequence[str], names: Sequence[str] | None = None) -> str:

@@ -15,7 +15,7 @@ from textile_twin_core.arrays import FloatArray
 from textile_twin_core.dynamics.loads.load import Crossing, LoadContext
 from textile_twin_core.dynamics.loads.relative import link_of_load, turn_links
 from textile_twin_core.errors import MachineError
-from textile_twin_core.expression import Expr, absolute, at_least, atan2, const, real, select, sign, square
+from textile_twin_core.expression import Expr, absolute, at_least, atan2, piecewise, real, sign, square
 from textile_twin_core.mechanism import MAIN_SHAFT, Arc, Displacement, Travel
 from textile_twin_core.mechanism.angles import link_angle
 from textile_twin_core.mechanism.vector import Vector
@@ -199,17 +199,12 @@ class ForceCurve:
 
     def _force(self, place: Expr, growing: Expr) -> Expr:
         """Express the force at a value of the measure, on either branch."""
-        ways = [self.pieces()] if self.out_N is None else [self.pieces(True), self.pieces(False)]
-        leaves = [const(0.0)]
-        for piece, *others in zip(*ways, strict=True):
-            value = _polynomial(piece, place)
-            leaves.append(select(growing, value, _polynomial(others[0], place)) if others else value)
-        leaves.append(const(0.0))
-        edges = [piece.lower for piece in ways[0]] + [ways[0][-1].upper]
+        nothing = (0.0, 0.0)
+        ways = [[(piece.lower, *piece.coefficients) for piece in self.pieces(way)] for way in (True, False)]
+        edges = [piece.lower for piece in self.pieces()] + [self.knots[-1]]
         if self.measure == SHAFT_ANGLE and self._covers_the_turn:
-            leaves, edges = leaves[1:-1], edges[1:-1]
-        needed = [k for k in range(len(edges)) if leaves[k] is not leaves[k + 1]]
-        return _tree(place, [edges[k] for k in needed], [leaves[0], *(leaves[k + 1] for k in needed)])
+            return piecewise(place, growing, edges[1:-1], *ways)
+        return piecewise(place, growing, edges, *([nothing, *way, nothing] for way in ways))
 
     @property
     def _covers_the_turn(self) -> bool:
@@ -276,20 +271,3 @@ def _end_slope(h0: float, h1: float, r0: float, r1: float) -> float:
 
 def _antiderivative(piece: Piece, place: float) -> float:
     return Piece(piece.lower, place, piece.coefficients).integral
-
-
-def _polynomial(piece: Piece, place: Expr) -> Expr:
-    distance = place - piece.lower
-    value = const(0.0)
-    for coefficient in reversed(piece.coefficients):
-        value = value * distance + coefficient
-    return value
-
-
-def _tree(place: Expr, edges: Sequence[float], leaves: Sequence[Expr]) -> Expr:
-    """Choose among leaves by bisection of the edges between them; single samples evaluate one leaf alone."""
-    if len(leaves) == 1:
-        return leaves[0]
-    middle = len(edges) // 2
-    upper = _tree(place, edges[middle + 1 :], leaves[middle + 1 :])
-    return select(at_least(place, edges[middle]), upper, _tree(place, edges[:middle], leaves[: middle + 1]))
