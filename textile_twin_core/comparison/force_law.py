@@ -13,6 +13,7 @@ from textile_twin_core.comparison.judged import Judged, best_periodic
 from textile_twin_core.dynamics.loads.force_curve import POSITION
 from textile_twin_core.inference.curved_torque import CurvedTorque, is_reached, load_name, measure_of, place_of
 from textile_twin_core.inference.evidence import QuadraticEvidence
+from textile_twin_core.inference.filter_scan import likely_filters
 from textile_twin_core.inference.force_law import SENSORS as LAW_SENSORS
 from textile_twin_core.inference.force_law import WHITE, CurvePosterior, LearnedCurve, curve_and, learned, likely_curve
 from textile_twin_core.inference.map_fit import Fit, map_fit
@@ -36,6 +37,8 @@ _TIED = 0.9
 """Correlation of the gain with that scale above which the two are not distinguishable."""
 _BETTER = 0.5
 """Unexplained share of a law's first fit, over that of all departures together, that needs no search for departures."""
+_FILTERED = 0.7
+"""Mean square of the residual behind a filter of the torque sensor, over that without, that makes a law needless."""
 _LOG_ODDS = math.log(0.05)
 """Odds that a load's force depends on its measure: most do, and most hardly differ from a constant one."""
 
@@ -72,16 +75,19 @@ class ForceLaws:
         self._evidence, self._machine, self._turn_rad = evidence, machine, encoder_turn_rad
         self._learned: dict[tuple[str, Hypothesis], CurvePosterior | None] = {}
 
-    def at_once(self, unsearched: Posterior) -> Posterior | Fit | None:
+    def at_once(self, unsearched: Posterior, sensors: Fit) -> Posterior | Fit | None:
         """Return the posterior of a law that makes the search for departures needless.
 
-        The law must be likelier than all departures together, about its sensors too, and leave noise alone. Where
-        departures about its sensors are likelier, return their fit.
+        No filter of the torque sensor may explain much of what the sensors leave. The law must be likelier than all
+        departures together, about its sensors too, and leave noise alone. Where departures about its sensors are
+        likelier, return their fit.
 
         Args:
-            unsearched: fit of all departures together.
+            unsearched: fit of all departures together. sensors: fit of the sensors, friction, inertia and forces alone.
         """
         if unsearched.measurement.record.block_s or self._judged(unsearched).unexplained < _TRIED:
+            return None
+        if likely_filters(unsearched.measurement.on(self._runs), sensors, _FILTERED):
             return None
         for law in self._learn(unsearched, 1.0 - _BETTER * (1.0 - unsearched.explained)):
             p, fit = law.posterior, law.posterior.fit

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from textile_twin_core.compiling import compiled
 from textile_twin_core.inference.parameter import ECCENTRIC, FILTERS, MOTION, OF_LOAD, ModelParameter
 from textile_twin_core.machine.torque_filter import TorqueFilter
 
@@ -24,6 +25,8 @@ _BREAK = 20.0
 """Interval between samples, in usual ones, that begins a new run."""
 _SETTLING = 0.25
 """Largest share of a run in which a filter settles; a high pass starts from the mean of the coming torques."""
+_BESIDE = 3
+"""Points of the grid on either side of a sample on which its reading depends without a filter."""
 _NO_FILTER = 1e-7
 _BELOW_LOW_PASS = 0.9
 """Largest corner of a high pass, over that of the low pass."""
@@ -113,8 +116,8 @@ class AngleRipple:
     def _slower(self, omega: FloatArray) -> FloatArray:
         return np.asarray((self._speed / np.maximum(np.abs(omega), 0.2 * abs(self._speed))) ** 2)
 
-    def slopes(self, state: State, by: State) -> dict[str, FloatArray]:
-        """Slopes (m,) of a torque by each amplitude, from those by angle, speed and acceleration of the record."""
+    def slopes(self, state: State, by: State, asked: Collection[str]) -> dict[str, FloatArray]:
+        """Slopes (m,) of a torque by the amplitudes asked for, from those by angle, speed and acceleration."""
         theta, omega, alpha = state
         by_theta, by_omega, by_alpha = by
         accelerated, rate_per_order = by_alpha * omega**2, by_omega * omega + by_alpha * alpha
@@ -122,6 +125,8 @@ class AngleRipple:
         slower = self._slower(omega) if any(self._of_load) else 1.0
         rows = zip(self.names, self._orders, self._factors, self._of_load, self._waves(theta), strict=True)
         for (cosine, sine), order, factor, of_load, wave in rows:
+            if cosine not in asked:
+                continue
             level, rate = factor * (order**2 * accelerated - by_theta), factor * order * rate_per_order
             if of_load:
                 level, rate = level * slower, rate * slower
@@ -156,16 +161,19 @@ class EvenGrid:
             begin += count
         self.time_s: FloatArray = np.concatenate(parts)
         self._before = np.clip(np.searchsorted(self.time_s, sample_s), 1, self.time_s.size - 1) - 1
-        self._place = self._before + np.clip((sample_s - self.time_s[self._before]) / self.period_s, 0.0, 1.0)
+        within: FloatArray = np.clip((sample_s - self.time_s[self._before]) / self.period_s, 0.0, 1.0)
+        self._place = self._before + within
 
     def through(self, chosen: TorqueFilter, values: FloatArray) -> FloatArray:
-        """Filter values (g,) or (g, k) on the grid."""
+        """Filter values (g,) or (k, g) on the grid."""
         if chosen.is_identity:
             return values
         # the filter takes its input as linear between the points, which smooths it, as does the spread of its steps
-        values = values.copy()
-        values[1:-1] -= _SHARPENED * (values[2:] - 2.0 * values[1:-1] + values[:-2])
-        return np.concatenate([chosen.apply(self.period_s, values[run]) for run in self._runs])
+        rows = np.atleast_2d(values)
+        sharp = np.empty(rows.shape)
+        _sharpen(rows, _SHARPENED, sharp)
+        found = [chosen.apply(self.period_s, sharp[:, run].T).T for run in self._runs]
+        return (found[0] if len(found) == 1 else np.concatenate(found, 1)).reshape(values.shape)
 
     @property
     def begin_s(self) -> list[float]:
@@ -179,20 +187,48 @@ class EvenGrid:
         return np.where(self._begin[:, None] == first, np.exp(-TURN * high_pass_hz * np.maximum(since, 0.0)), 0.0)
 
     def at_samples(self, values: FloatArray, late_s: float = 0.0, chosen: IntArray | None = None) -> FloatArray:
-        """Interpolate values on the grid (g,) or (g, k) at the samples less a time, or at the chosen ones of them."""
+        """Interpolate values on the grid (g,) or (k, g) at the samples less a time, or at the chosen ones of them."""
         place = self._place if chosen is None else self._place[chosen]
         place = np.clip(place - late_s / self.period_s, 1.0, self.time_s.size - 2.001)
-        before = place.astype(np.int64)
-        u = place - before if values.ndim == 1 else (place - before)[:, None]
-        v = 1.0 - u  # cubic convolution (Keys 1981)
-        weights = -0.5 * u * v**2, v * (1.0 + u - 1.5 * u**2), u * (1.0 + v - 1.5 * v**2), -0.5 * v * u**2
-        return np.asarray(sum(weight * values[before + k] for k, weight in enumerate(weights, -1)))
+        found = np.empty((*values.shape[:-1], place.size))
+        _interpolate(np.atleast_2d(values), place, np.atleast_2d(found))
+        return found
 
     def settled(self, chosen: TorqueFilter, good: BoolArray) -> BoolArray:
         """Mask (m,) of the samples whose reading depends on usable points of the grid (g,) alone."""
         longest = max(run.stop - run.start for run in self._runs)
         reach = min(math.ceil(chosen.settling_s / self.period_s) + 1, int(_SETTLING * longest))
         bad = np.cumsum(np.concatenate([[0], ~good]))
-        last = self._before + 1
-        first = np.maximum(last - reach, self._begin)
-        return np.asarray((bad[last + 1] == bad[first]) & (last - self._begin >= reach))
+        after = self._before + 1
+        first = np.maximum(after - max(reach, _BESIDE), self._begin)
+        last = np.minimum(after + _BESIDE - 1, self.time_s.size - 1)
+        return np.asarray((bad[last + 1] == bad[first]) & (after - self._begin >= reach))
+
+
+@compiled
+def _sharpen(values: FloatArray, share: float, out: FloatArray) -> None:
+    """Subtract a share of the second differences of series (k, n)."""
+    for each in range(values.shape[0]):
+        last = values.shape[1] - 1
+        out[each, 0], out[each, last] = values[each, 0], values[each, last]
+        for k in range(1, last):
+            bend = values[each, k + 1] - 2.0 * values[each, k] + values[each, k - 1]
+            out[each, k] = values[each, k] - share * bend
+
+
+@compiled
+def _interpolate(values: FloatArray, place: FloatArray, out: FloatArray) -> None:
+    """Interpolate series (k, n) at places between their points by cubic convolution (Keys 1981)."""
+    for k in range(place.size):
+        at = int(place[k])
+        u = place[k] - at
+        v = 1.0 - u
+        before, low, high, after = (
+            -0.5 * u * v**2,
+            v * (1.0 + u - 1.5 * u**2),
+            u * (1.0 + v - 1.5 * v**2),
+            -0.5 * v * u**2,
+        )
+        for each in range(values.shape[0]):
+            row = values[each]
+            out[each, k] = before * row[at - 1] + low * row[at] + high * row[at + 1] + after * row[at + 2]

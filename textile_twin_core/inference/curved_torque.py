@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Literal
 
@@ -191,20 +191,19 @@ class CurvedTorque(TabulatedTorque):
         values: Mapping[str, float],
         state: tuple[FloatArray, FloatArray, FloatArray],
         table: FloatArray,
-        slopes: bool = False,
+        slopes: Collection[str] = (),
         way: FloatArray | None = None,
-        only_forces: bool = False,
         spread_rad: float = _COARSE_RAD,
     ) -> Torque:
         """Torque at states, with that of the law (see `TabulatedTorque.torque`)."""
-        found = super().torque(values, state, table, slopes, way, only_forces, spread_rad)
+        found = super().torque(values, state, table, slopes, way, spread_rad)
         theta, omega, _ = state
         sign = np.sign(omega) if way is None else way
         forces = self.spread @ np.array([values[name] for name in self.names])
         k, knots, edge = self.knots.size, self.knots, self.place.edge
         size = sign * np.abs(omega / self.speed_rad_s) ** self.power if self.power else sign
         torque, out, variance = found.torque_Nm, dict(found.slopes), found.variance
-        rotated = np.zeros((theta.size, self.spread.shape[1])) if slopes else None
+        rotated = None if set(slopes).isdisjoint(self.names) else np.zeros((theta.size, self.spread.shape[1]))
         bumps = np.zeros((2, theta.size))
         for count, position, slope in self._moved:
             low, part = self._between(theta)

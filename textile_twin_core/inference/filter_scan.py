@@ -9,6 +9,7 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.inference.chain import torque_filter
+from textile_twin_core.inference.evidence import OF_BODIES
 from textile_twin_core.inference.map_fit import Fit
 from textile_twin_core.inference.measurement import Measurement
 from textile_twin_core.inference.parameter import BUTTERWORTH, HIGH_PASS, LOW_PASS, OFFSET
@@ -31,8 +32,8 @@ _EXCLUSIVE = frozenset({LOW_PASS, BUTTERWORTH})
 def likely_filters(measurement: Measurement, fit: Fit, hopeful: float = HOPEFUL) -> list[tuple[str, float, float]]:
     """List the filters that lower the residual of a fit clearly, with their values, the best first.
 
-    Gain, dry and viscous friction, inertia, force and delay are solved for beside each candidate. A low pass beside
-    another low pass is no candidate.
+    Gain, dry and viscous friction, inertia, force and delay are solved for beside each candidate. Bodies and links are
+    nominal: already their tolerances could imitate a filter. A low pass beside another low pass is no candidate.
 
     Args:
         measurement: record and model, linear about the fit.
@@ -42,14 +43,15 @@ def likely_filters(measurement: Measurement, fit: Fit, hopeful: float = HOPEFUL)
     Returns:
         Name, value and change of the delay [s] for the best value of each filter.
     """
-    m, v = measurement, measurement.values(fit.x)
+    m = measurement
+    v = m.values(fit.x) | {p.name: p.nominal for p in m.parameters if p.kind in OF_BODIES}
     hypothesis = replace(fit.hypothesis, filters=fit.hypothesis.filters | {LOW_PASS})  # states on the grid
     (theta, omega, alpha, good), _ = m.states(hypothesis, v)
     good = good & (np.abs(omega) > 0.6 * m.record.slow_rad_s * abs(hypothesis.turn))
     forces = [p.name for p in m.parameters if p.kind == "force"]
-    found = m.model.torque(v, (theta, omega, alpha), m.model.table(v, m.about), bool(forces), only_forces=True)
+    found = m.model.torque(v, (theta, omega, alpha), m.model.table(v, m.about), forces)
     columns = [found.torque_Nm, np.sign(omega), omega, alpha, *(found.slopes[name] for name in forces)]
-    matrix = np.where(good[:, None], np.stack(columns, 1), 0.0)
+    matrix = np.where(good, np.stack(columns), 0.0)
     shown = m.record.torque_Nm - fit.hypothesis.shown_offset(v[OFFSET])
     every = np.unique(np.linspace(0, shown.size - 1, _SAMPLES).astype(np.int64))
 
@@ -63,7 +65,7 @@ def likely_filters(measurement: Measurement, fit: Fit, hopeful: float = HOPEFUL)
         lag = sum(GROUP_DELAY[name] * (values[name] - v[name]) for name in GROUP_DELAY)
         best = math.inf, 0.0
         for shift in _SHIFTS_S.tolist():
-            rows = m.grid.at_samples(through, shift - lag, used)
+            rows = m.grid.at_samples(through, shift - lag, used).T
             if HIGH_PASS in fit.hypothesis.filters or values[HIGH_PASS]:
                 rows = np.column_stack([rows, np.ones(used.size)])
             best = min(best, (_residual(rows, shown[used]), shift - lag))

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
-from textile_twin_core.inference.measurement import Hypothesis, Measurement
+from textile_twin_core.inference.measurement import Expected, Hypothesis, Measurement
 from textile_twin_core.inference.parameter import COULOMB, DELAY, DRIFT, GAIN, ROTOR, ZERO
 from textile_twin_core.inference.robust import huber_loss, huber_weights, robust_scale
 
@@ -25,14 +25,16 @@ _HIGHEST = {GAIN: 0.95}
 """Upper bounds: beyond this one the gain would be twenty times that of the nearest unit."""
 _REACH = 6.0
 """Bounds of the values in standard deviations of the widest departure."""
-_CONVERGED, _MOST_DAMPING = 1e-3, 1e4
+_CONVERGED, _MOST_DAMPING = 1e-2, 1e4
+_AS_PREDICTED = 0.5
+"""Fall of the cost, over that predicted by the slopes, from which the next step takes the same slopes."""
 _KEPT = 0.7
 """Share of the samples that a step must keep."""
 _WIDENED = 3
 """Most refits with updated widths of the priors."""
 _BESIDE = 3.0
 """Standard deviation of a sample beside a step of the load, in scales of the residual, that halves its weight."""
-_CLUSTERED = (ZERO, DELAY, GAIN, COULOMB, ROTOR)
+CLUSTERED = (ZERO, DELAY, GAIN, COULOMB, ROTOR)
 """Parameters whose scores per turn, and per sector of the turn, give the inflation of the residuals."""
 SECTORS = 24
 """Sectors of the turn in which residuals count as correlated between turns."""
@@ -74,6 +76,7 @@ class Weighed:
     information, gradient: of the samples, without inflation. standing, standing_gradient: of the readings at
     standstill, which have a standard deviation of their own.
     absent: cost of the samples that are not in the fit, each as the mean of the others.
+    slopes, every: of the residuals in the fit, and (m, k) of all samples.
     """
 
     information: FloatArray
@@ -91,6 +94,7 @@ class Weighed:
     turn: IntArray
     weighted: FloatArray
     slopes: FloatArray
+    every: FloatArray
 
 
 def prior_variance(measurement: Measurement, off_nominal: Collection[str], x: FloatArray) -> FloatArray:
@@ -106,7 +110,7 @@ def map_fit(
     off_nominal: Collection[str],
     *,
     free: Collection[str] | None = None,
-    iterations: int = 12,
+    iterations: int = 20,
     inflation: float = 0.0,
     scale: float = 0.0,
     relinearise: bool = False,
@@ -136,21 +140,29 @@ def map_fit(
         return near, weigh(near, hypothesis, x, variance, given, scale)
 
     near, here = at(x)
+    exact = True  # slopes at x
     for _ in range(iterations):
         normal = here.information / given + here.standing + np.diag(1.0 / variance)
         slope = here.gradient / given + here.standing_gradient - (x - measurement.nominal) / variance
         trial: FloatArray = np.clip(x + _step(names, index, normal, slope, damping, (low - x, high - x)), low, high)
-        cost = _cost(near, hypothesis, trial, variance, given, here)
-        if cost < here.cost + 1e-9:
+        step = trial - x
+        predicted = float(step @ (2.0 * slope - normal @ step))
+        seen = near.expected(hypothesis, trial)
+        cost = _cost(near, hypothesis, trial, variance, given, here, seen)
+        fell, converged = here.cost - cost, exact and predicted < _CONVERGED
+        if fell > -1e-9:
             x, damping = trial, damping / 10.0 if damping > 1e-6 else 0.0
-            done = here.cost - cost < _CONVERGED
-            near, here = at(x)
-            if done:
-                break
+            moved = near.about is not measurement.linearised(x, off_nominal if relinearise else ()).about
+            if not moved and (converged or (predicted > _CONVERGED and fell > _AS_PREDICTED * predicted)):
+                here, exact = weigh(near, hypothesis, x, variance, given, scale, seen, here.every), False
+            else:
+                (near, here), exact = at(x), True
+        elif not exact:
+            (near, here), exact = at(x), True
         else:
             damping = max(10.0 * damping, 1e-3)
-            if damping > _MOST_DAMPING:
-                break
+        if converged or damping > _MOST_DAMPING:
+            break
     used = inflation or float(np.median(_ratios(measurement, here)))
     away = x - measurement.nominal
     information = here.information + used * here.standing
@@ -195,17 +207,30 @@ def weigh(
     variance: FloatArray,
     inflation: float,
     scale: float,
+    seen: Expected | None = None,
+    known: FloatArray | None = None,
 ) -> Weighed:
-    """Weigh the residuals at x; `scale` 0: that of these residuals."""
+    """Weigh the residuals at x.
+
+    Args:
+        scale: of Huber's loss; 0: that of these residuals.
+        seen: expected readings at x. known: (m, k) slopes near x.
+    """
     record = measurement.record
-    seen = measurement.expected(hypothesis, x, slopes=True)
-    assert seen.slopes is not None
+    if seen is None or known is None:
+        seen = measurement.expected(hypothesis, x, slopes=True)
+        known = seen.slopes
+    assert known is not None
+    usable = seen.good & np.isfinite(known.sum(axis=1))
     error = record.torque_Nm - seen.torque_Nm
     own = np.ones_like(error)
     if not record.block_s and seen.good.any():
         own = 1.0 / (1.0 + (seen.sigma / (_BESIDE * robust_scale(error[seen.good]))) ** 2)
-    columns, good = measurement.means(np.column_stack([error, own, seen.theta, seen.slopes]), seen.good)
-    residual, own, theta, slopes = columns[good, 0], columns[good, 1], columns[good, 2], columns[good, 3:]
+    averaged, good = measurement.means(np.stack([error, own, seen.theta], 1), usable)
+    residual, own, theta = averaged.T
+    slopes, _ = measurement.means(known, usable)
+    if not good.all():
+        residual, own, theta, slopes = residual[good], own[good], theta[good], slopes[good]
     if not scale:
         # averages over a step of the load scatter more but count in full: no robust scale there
         scale = float(np.sqrt(np.mean(residual**2))) if record.block_s else robust_scale(residual)
@@ -228,7 +253,7 @@ def weigh(
     rms = float(np.sqrt(np.sum(own * residual**2) / max(float(np.sum(own)), 1e-300)))
     return Weighed(
         information, gradient, weighted.T @ standing_slopes, weighted.T @ standing, scale, cost, absent, residual, own,
-        good, rms, theta, turn, weight * residual, slopes,
+        good, rms, theta, turn, weight * residual, slopes, known,
     )  # fmt: skip
 
 
@@ -239,9 +264,9 @@ def _cost(
     variance: FloatArray,
     inflation: float,
     here: Weighed,
+    seen: Expected,
 ) -> float:
     """Cost at another place with the weights of this one, over their common samples; infinite with too few."""
-    seen = measurement.expected(hypothesis, x)
     columns, good = measurement.means((measurement.record.torque_Nm - seen.torque_Nm)[:, None], seen.good)
     both = here.good & good
     count = np.count_nonzero(both)
@@ -294,7 +319,7 @@ def _ratios(measurement: Measurement, here: Weighed) -> FloatArray:
     Scores of the same sector in all turns are summed, too: an error that repeats in every turn, as of the acceleration
     at a step of the load, shows there alone (clusters both ways, Cameron, Gelbach and Miller 2011).
     """
-    asked = [measurement.place[name] for name in _CLUSTERED]
+    asked = [measurement.place[name] for name in CLUSTERED]
     alone = np.maximum(np.diag(here.information)[asked], 1e-300)
     sector = np.floor(np.mod(here.theta, TURN) * (SECTORS / TURN)).astype(np.int64)
     by_turn, by_sector = (

@@ -116,6 +116,7 @@ class Measurement:
         self.about = model.nominal
         self.names = tuple(p.name for p in parameters)
         self.place = {name: k for k, name in enumerate(self.names)}
+        self.sloped = frozenset(self.names)
         self.nominal = np.array([p.nominal for p in parameters])
         self.working_torque_Nm, self.uncertain_Nm, self.diluted = working_torque_Nm, uncertain_Nm, diluted
         self.ripple = AngleRipple(parameters, record.shaft_per_encoder, record.speed_rad_s)
@@ -171,6 +172,12 @@ class Measurement:
             return self
         other = copy(self)
         other.about = about
+        return other
+
+    def with_slopes_by(self, names: Collection[str]) -> Measurement:
+        """Return a copy whose slopes by all other parameters are zero."""
+        other = copy(self)
+        other.sloped = self.sloped.intersection(names)
         return other
 
     @property
@@ -233,8 +240,9 @@ class Measurement:
             return Expected(shown, good, theta, sigma, None)
         columns[GAIN] = torque * gain_factor(v[GAIN])
         columns[OFFSET] = np.full_like(torque, hypothesis.unit / gain)
-        none = np.zeros_like(torque)
-        matrix = gain * np.stack([columns.get(name, none) for name in self.names], 1)
+        matrix = np.zeros((torque.size, len(self.names)))
+        for name in self.sloped.intersection(columns):
+            matrix[:, self.place[name]] = gain * columns[name]
         return Expected(shown, good & np.isfinite(matrix).all(axis=1), theta, sigma, matrix)
 
     def true_torque(
@@ -253,7 +261,7 @@ class Measurement:
         predicted = self.record.predicted
         if predicted is None:
             spread = spread_rad or self.spread_rad(hypothesis)
-            found = self.model.torque(v, state, table, slopes, spread_rad=spread)
+            found = self.model.torque(v, state, table, self.sloped if slopes else (), spread_rad=spread)
             return found, np.ones(found.torque_Nm.size, np.bool_), found.slopes
         time = self.grid.time_s if hypothesis.filters else self.record.time_s
         late = hypothesis.delay_s + v[DELAY] + v[DRIFT] * (time - self.record.middle_s)
@@ -280,13 +288,16 @@ class Measurement:
             return self.model.torque(v, moved[:3], table, spread_rad=self.spread_rad(hypothesis)).torque_Nm
 
         out = dict(found.slopes)
+        if not self.sloped.isdisjoint((DELAY, DRIFT)):
+            out[DELAY] = (at(0.0, _DELAY_STEP) - at(0.0, -_DELAY_STEP)) / (2.0 * _DELAY_STEP)
+            time = self.grid.time_s if hypothesis.filters else self.record.time_s
+            out[DRIFT] = out[DELAY] * (time - self.record.middle_s)
+        if self.sloped.isdisjoint((ZERO, *(cosine for cosine, _ in self.ripple.names))):
+            return out
         out[ZERO] = (at(_ZERO_STEP, 0.0) - at(-_ZERO_STEP, 0.0)) / (2.0 * _ZERO_STEP)
-        out[DELAY] = (at(0.0, _DELAY_STEP) - at(0.0, -_DELAY_STEP)) / (2.0 * _DELAY_STEP)
-        time = self.grid.time_s if hypothesis.filters else self.record.time_s
-        out[DRIFT] = out[DELAY] * (time - self.record.middle_s)
         turn = hypothesis.turn
         by = -turn * out[ZERO], turn * found.by_omega, turn * found.by_alpha
-        return out | self.ripple.slopes(own[:3], by)
+        return out | self.ripple.slopes(own[:3], by, self.sloped)
 
     def _filtered(
         self,
@@ -299,12 +310,12 @@ class Measurement:
         columns: dict[str, FloatArray],
     ) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray, dict[str, FloatArray]]:
         """Torque on the grid and its slopes through the sensor's filter, at the samples; likewise angles and mask."""
-        chosen, names = torque_filter(v), list(columns)
-        torque = np.where(good, torque, 0.0)
-        stacked = np.stack([torque, *(np.where(good, columns[name], 0.0) for name in names)], 1)
-        through = self.grid.at_samples(self.grid.through(chosen, stacked))
-        out = {name: through[:, 1 + k] for k, name in enumerate(names)}
-        seen, settled = through[:, 0], chosen
+        chosen, names = torque_filter(v), [name for name in columns if name in self.sloped]
+        stacked = np.stack([torque, *(columns[name] for name in names)])
+        stacked[:, ~good] = 0.0
+        torque, through = stacked[0], self.grid.at_samples(self.grid.through(chosen, stacked))
+        out = dict(zip(names, through[1:], strict=True))
+        seen, settled = through[0], chosen
         begun = [f"{START}{each}" for each in self.grid.begin_s] if HIGH_PASS in hypothesis.filters else []
         if not set(begun) <= set(self.names):
             begun = []
@@ -314,7 +325,7 @@ class Measurement:
             seen = seen + starts @ np.array([v[name] for name in begun])
             out |= dict(zip(begun, starts.T, strict=True))
         if names:
-            for name in hypothesis.filters:
+            for name in hypothesis.filters & self.sloped:
                 step = _FILTER_STEP * max(v[name], _LEAST_FILTER[name])
                 low, high = max(v[name] - step, 0.0), v[name] + step
                 ends = [self.grid.through(torque_filter({**v, name: each}), torque) for each in (low, high)]
@@ -370,7 +381,7 @@ class Measurement:
         none = np.zeros_like(theta)
         gain = hypothesis.gain * gain_factor(v[GAIN])
         rest, table = (theta, none, none), self.model.table(v, self.about)
-        found = self.model.torque(v, rest, table, slopes, way=none)
+        found = self.model.torque(v, rest, table, self.sloped if slopes else (), way=none)
         if self.model.has_laws:
             ways = (
                 self.model.torque({**v, COULOMB: 0.0}, rest, table, way=none + way).torque_Nm for way in (1.0, -1.0)
@@ -382,5 +393,6 @@ class Measurement:
             return residual, None
         out = found.slopes | {GAIN: found.torque_Nm * gain_factor(v[GAIN]), HELD: none + 1.0}
         out[OFFSET] = none + hypothesis.unit / gain
-        columns = np.stack([gain * out.get(name, none) for name in self.names], 1)
+        asked = (out.get(name, none) if name in self.sloped else none for name in self.names)
+        columns = np.stack([gain * each for each in asked], 1)
         return residual, columns / sigma[:, None]

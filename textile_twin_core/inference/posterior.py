@@ -36,6 +36,7 @@ from textile_twin_core.inference.parameter import (
     HIGH_PASS,
     OFFSET,
     ROTOR,
+    SENSORS,
     ZERO,
     ModelParameter,
     gain_factor,
@@ -151,7 +152,7 @@ def infer(
     configured: Hypothesis,
     ratios: tuple[float, ...] = RATIOS,
     dense: Record | None = None,
-    instead: Callable[[Posterior], Posterior | Fit | None] | None = None,
+    instead: Callable[[Posterior, Fit], Posterior | Fit | None] | None = None,
 ) -> Posterior | None:
     """Infer sensors, machine and departures from the file from one record.
 
@@ -163,7 +164,7 @@ def infer(
         dense: samples of the same recording in runs short enough to filter the torque over time; None: the record.
         instead: posterior of another model that makes the search needless, or a fit to search from first, or None. It
             is asked with the fit of all parameters under the likeliest hypothesis, which no set of its departures
-            surpasses.
+            surpasses, and with that of the sensors.
 
     Returns:
         The posterior, or None when no hypothesis gives a fit.
@@ -171,27 +172,68 @@ def infer(
     measurement = measurement_of(record, machine, configured)
     dense = dense or measurement.record
     moved, plain = _with_motion(measurement, hypotheses(measurement, configured, ratios))
-    fits = plain
-    if instead is not None and fits and record.predicted is None:
-        other = instead(_unsearched(moved, configured, fits))
+    if not plain:
+        return None
+    unsearched, fits = _unsearched(moved, configured, plain), plain
+    if instead is not None and record.predicted is None:
+        other = instead(unsearched, plain[0])
         if isinstance(other, Posterior):
             return other
         fits = fits if other is None else [other, *fits]
-    found = _searched(moved, configured, fits)
-    if not measurement.model.depends_on_angle() or record.predicted is not None:
-        return found  # means over whole turns show no filter; beside an elastic shaft none is searched
-    if found is not None and found.fit.rms < abs(found.hypothesis.gain) * found.measurement.uncertain_Nm:
+    # means over whole turns show no filter; beside an elastic shaft none is searched
+    filtered = measurement.model.depends_on_angle() and record.predicted is None
+    chain: list[Posterior] | None = None
+    if filtered and _is_surprising(_likeliest(unsearched)):
+        chain = _chains(moved.on(dense).with_starts(), configured, plain)
+        if chain and chain[0].log_evidence > _bound(unsearched, chain[0]):
+            return chain[0]
+    found = _searched(moved, configured, fits, unsearched.fit if fits is plain else None)
+    if not filtered or found.fit.rms < abs(found.hypothesis.gain) * found.measurement.uncertain_Nm:
         return found  # the uncertain motion explains more torque than is left for a filter
-    if found is None or found.explained < _BLOCKED_MEAN or _is_surprising(found):
+    if _is_surprising(found):
+        if chain is None:
+            chain = _chains(moved.on(dense).with_starts(), configured, plain)
+        for other in chain:
+            found = _likelier(found, other)
+    if _is_surprising(found):
         # without the mean of the torque no hypothesis of the others need be near
         blocked = replace(configured, filters=configured.filters | {HIGH_PASS})
         dense_measurement = measurement.on(dense).with_starts()
         dense_measurement, fits = _with_motion(dense_measurement, hypotheses(dense_measurement, blocked, ratios))
         # like with like: both without departures of bodies
-        if fits and (not plain or 1.0 - fits[0].explained < _CLEARLY * (1.0 - plain[0].explained)):
-            other = _searched(dense_measurement, blocked, fits)
-            found = other if found is None or other is None else _likelier(found, other)
-    return None if found is None else _with_filters(found, found.measurement.on(dense))
+        if fits and 1.0 - fits[0].explained < _CLEARLY * (1.0 - plain[0].explained):
+            found = _likelier(found, _searched(dense_measurement, blocked, fits))
+    return _with_filters(found, found.measurement.on(dense))
+
+
+def _likeliest(unsearched: Posterior) -> Posterior:
+    """Return the likeliest departures about the fit of all parameters, before any is fitted by itself."""
+    fit = unsearched.fit
+    choice = choose(unsearched.measurement, fit, fit.inflation)
+    return replace(unsearched, choice=choice, log_evidence=choice.log_evidence)
+
+
+def _chains(measurement: Measurement, configured: Hypothesis, fits: list[Fit]) -> list[Posterior]:
+    """Return the posterior under the configured direction, ratio and sign with the filters that it needs, if any.
+
+    Of all discrete hypotheses without a filter another one may fit best.
+    """
+    for fit in fits:
+        h = fit.hypothesis
+        if (h.turn, h.gain) == (configured.turn, configured.gain):
+            fit = replace(fit, x=np.append(fit.x, np.zeros(len(measurement.names) - fit.x.size)))
+            sensors = frozenset(p.name for p in measurement.parameters if p.name in SENSORS or p.kind == "force")
+            begun = Posterior(measurement, configured, fit, Choice(sensors, -math.inf, ()), -math.inf, tuple(fits))
+            found = _with_filters(begun, measurement)
+            return [] if found is begun else [found]
+    return []
+
+
+def _bound(unsearched: Posterior, like: Posterior) -> float:
+    """Log likelihood, at the scale of another posterior, of all parameters: no set of departures surpasses it."""
+    m = unsearched.measurement.on(like.measurement.record)
+    h, fit = unsearched.hypothesis, like.fit
+    return map_fit(m, h, unsearched.fit.x, m.names, inflation=fit.inflation, scale=fit.scale).log_likelihood
 
 
 def _unsearched(measurement: Measurement, configured: Hypothesis, fits: list[Fit]) -> Posterior:
@@ -202,23 +244,25 @@ def _unsearched(measurement: Measurement, configured: Hypothesis, fits: list[Fit
 
 
 def _is_surprising(found: Posterior) -> bool:
-    """Return true for an offset, another direction, ratio, sign or unit than configured, or too many departures."""
+    """Return true where a filter may have been read as an offset, another direction, ratio, sign or unit, or a body."""
     differs = (found.hypothesis.turn, found.hypothesis.gain) != (found.configured.turn, found.configured.gain)
-    return differs or OFFSET in found.off_nominal or found.prior_cost > IMPLAUSIBLE_NATS
+    few = found.prior_cost <= IMPLAUSIBLE_NATS and found.explained >= _BLOCKED_MEAN
+    return differs or OFFSET in found.off_nominal or not few
 
 
-def _searched(measurement: Measurement, configured: Hypothesis, fits: list[Fit]) -> Posterior | None:
-    """Search the departures under the likeliest discrete hypotheses; None without any."""
+def _searched(measurement: Measurement, configured: Hypothesis, fits: list[Fit], full: Fit | None = None) -> Posterior:
+    """Search the departures under the likeliest discrete hypotheses; `full`: fit of all parameters under the first."""
     first: Posterior | None = None
     for fit in _distinct(fits)[:_HYPOTHESES]:
         others = [fit, *(other for other in fits if other is not fit)]
-        found = _Search(measurement, configured, others).run()
+        found = _Search(measurement, configured, others, full=full if fit is fits[0] else None).run()
         if found.hypothesis.unit != 1.0:
             found = _likelier_without_unit(found, others)
         # implausible values may come from wrong discrete settings
         if found.prior_cost <= IMPLAUSIBLE_NATS and (first is None or found.explained > first.explained - _AS_GOOD):
             return found
         first = first or found
+    assert first is not None
     return first
 
 
@@ -229,14 +273,13 @@ def _with_filters(found: Posterior, measurement: Measurement) -> Posterior:
     """
     for _ in range(_MOST_FILTERS):
         best, log_evidence = None, -math.inf
-        plain = found.plain
-        fit = found.fit
+        plain, fit = found.plain, found.fit
         if plain != found.off_nominal:
             x = fit.x.copy()
             moved = [measurement.place[name] for name in found.off_nominal - plain]
             x[moved] = measurement.nominal[moved]
             fit = fit_with_prior_update(measurement, found.hypothesis, x, plain, relinearise=True)
-        # tolerances of the bodies can absorb most of a filter, so that the residual shows it no more
+        # departures of bodies can be the rest of a filter
         hopeful, most = (HOPEFUL, _FITTED_FILTERS) if plain == found.off_nominal else (math.inf, len(FILTERS))
         likely = likely_filters(measurement.linearised(fit.x, plain), fit, hopeful)
         start = fit.x
@@ -365,16 +408,22 @@ def _with_motion(measurement: Measurement, fits: list[Fit]) -> tuple[Measurement
 class _Search:
     """Search for departures under the likeliest discrete hypothesis; every winner is fitted again.
 
-    `like`: another fit whose scale and inflation are used, so that the evidence of both can be compared.
+    `like`: another fit whose scale and inflation are used, so that the evidence of both can be compared. `full`: the
+    fit of all parameters, if it is known.
     """
 
     def __init__(
-        self, measurement: Measurement, configured: Hypothesis, fits: list[Fit], like: Fit | None = None
+        self,
+        measurement: Measurement,
+        configured: Hypothesis,
+        fits: list[Fit],
+        like: Fit | None = None,
+        full: Fit | None = None,
     ) -> None:
         self.measurement, self.configured, self.fits, self.top = measurement, configured, fits, fits[0]
         self.speed = self.top.hypothesis.turn * measurement.record.speed_rad_s
         inflation, scale = (0.0, 0.0) if like is None else (like.inflation, like.scale)
-        self.full = map_fit(
+        self.full = full or map_fit(
             measurement, self.top.hypothesis, self.top.x, measurement.names, inflation=inflation, scale=scale
         )
 
@@ -425,11 +474,13 @@ class _Search:
         m = self.measurement
         zero, delay = float(self.top.x[m.place[ZERO]]), float(self.top.x[m.place[DELAY]])
         ends = (DELAY, delay + zero / self.speed), (ZERO, math.remainder(zero + delay * self.speed, TURN))
-        out = []
+        filters, out = undeclared_filters(m, self.full) - {DELAY}, []
         for name, value in ends:
             x = m.nominal.copy()
-            x[m.place[name]], x[m.place[GAIN]] = value, self.top.x[m.place[GAIN]]
-            out.append((frozenset((first & set(_BESIDE_ZERO)) | {name}), x))
+            x[m.place[name]] = value
+            for each in (GAIN, *filters):
+                x[m.place[each]] = self.top.x[m.place[each]]
+            out.append((frozenset((first & set(_BESIDE_ZERO)) | filters | {name}), x))
         return out
 
     def _without(self, fit: Fit, off_nominal: Departures, name: str) -> list[tuple[Departures, FloatArray]]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.inference.elastic_torque import OF_SHAFT
-from textile_twin_core.inference.map_fit import Fit, fit_with_prior_update
+from textile_twin_core.inference.map_fit import CLUSTERED, Fit, fit_with_prior_update
 from textile_twin_core.inference.measurement import Hypothesis, Measurement
 from textile_twin_core.inference.parameter import (
     BESIDE,
@@ -73,6 +73,7 @@ def hypotheses(measurement: Measurement, configured: Hypothesis, ratios: tuple[f
         not measurement.record.block_s
     ):  # block averages are free of the errors of the acceleration; thinned samples are not
         coarse = measurement.on(measurement.record.thinned(_FITTED))
+    coarse = coarse.with_slopes_by({*free, *CLUSTERED})
     found: list[Fit] = []
     for (factor, inertia), zero, delay, hypothesis in _starts(measurement, configured, ratios):
         low, high = GAINS
@@ -217,9 +218,7 @@ class _Scan:
     def square(self, zero_rad: float) -> tuple[float, tuple[_Scaled, _Scaled]]:
         """Mean square [N^2 m^2], and gain and inertia beside all others, and the gain beside friction alone."""
         theta, omega, alpha = self._state
-        found = self._model.torque(
-            self._values, (theta - zero_rad, omega, alpha), self._table, bool(self._forces), only_forces=True
-        )
+        found = self._model.torque(self._values, (theta - zero_rad, omega, alpha), self._table, self._forces)
         columns = [found.torque_Nm, np.sign(omega), alpha, *(found.slopes[name] for name in self._forces)]
         if self._offset:
             columns.append(np.ones_like(theta))

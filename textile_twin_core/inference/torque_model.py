@@ -15,10 +15,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_matrix
 from scipy.special import ndtr
 
-from textile_twin_core.arrays import FloatArray
+from textile_twin_core.arrays import FloatArray, IntArray
+from textile_twin_core.compiling import compiled
 from textile_twin_core.dynamics.loads import Backing, ForceCurve, ShaftFriction
 from textile_twin_core.dynamics.loads.force_curve import POSITION
 from textile_twin_core.dynamics.loads.load import LoadContext
@@ -115,6 +115,7 @@ class TabulatedTorque:
         self.nominal = Linearisation(here, self._evaluate(here))
         self._known = {tuple(here.values()): self.nominal}
         self._slopes = self._slopes_at_nominal()
+        self._nodal: dict[tuple[int, ...], tuple[list[int], FloatArray]] = {}
         travel = self.nominal.table[_TRAVELS : _TRAVELS + 2 * len(self._backings) * len(self._phases) : 2]
         entry = [load.entry_plane_m for load in self._backings for _ in self._phases]
         self._passes = [bool(np.max(h) >= plane) for h, plane in zip(travel, entry, strict=True)]
@@ -202,16 +203,15 @@ class TabulatedTorque:
         values: Mapping[str, float],
         state: tuple[FloatArray, FloatArray, FloatArray],
         table: FloatArray,
-        slopes: bool = False,
+        slopes: Collection[str] = (),
         way: FloatArray | None = None,
-        only_forces: bool = False,
         spread_rad: float = SPREAD_RAD,
     ) -> Torque:
         """Torque at states (theta, omega, alpha), each (m,).
 
         Args:
             values: by parameter. state: of the shaft. table: of these values.
-            slopes: evaluate slopes too; only_forces: those by forces in a backing alone.
+            slopes: names of the parameters whose slopes are evaluated.
             way: sense of rotation, if it differs from omega's.
             spread_rad: shaft angle over which a step of the load is smeared.
         """
@@ -263,9 +263,9 @@ class TabulatedTorque:
                 factors[_TRAVELS + 2 * k] = -bump
                 factors[_TRAVELS + 1 + 2 * k] = count * np.sign(rate) * sign * (free + (force - free) * inside)
         variance = variance + self._beside_steps(rows, sign, omega, spread_rad)
-        if slopes and self.tabulated and not only_forces:
-            found = self._chain(factors, place, share)
-            out |= {p.name: found[:, k] for k, p in enumerate(self.tabulated)}
+        if asked := [k for k, p in enumerate(self.tabulated) if p.name in slopes]:
+            found = self._chain(tuple(asked), factors, place, share)
+            out |= {self.tabulated[k].name: column for k, column in zip(asked, found.T, strict=True)}
         return Torque(torque, out, variance, by_omega, inertia + values[ROTOR])
 
     def _beside_steps(self, rows: list[Any], sign: FloatArray, omega: FloatArray, spread_rad: float) -> Any:
@@ -281,17 +281,20 @@ class TabulatedTorque:
                 variance = variance + step**2 * inside * (1.0 - inside)
         return variance
 
-    def _chain(self, factors: Mapping[int, Any], place: Any, share: FloatArray) -> FloatArray:
-        """Slopes (m, k) by the tabulated parameters, interpolated from those at the nodes."""
-        used = {c: f for c, f in factors.items() if np.any(self._slopes[:, c])}
-        low, high = place
-        columns = np.stack([n * _NODES + side for n in range(len(used)) for side in (low, high)], 1)
-        weights = np.stack(
-            [np.broadcast_to(f * w, share.shape) for f in used.values() for w in (1.0 - share, share)], 1
-        )
-        begin = np.arange(share.size + 1) * weights.shape[1]
-        reader = csr_matrix((weights.ravel(), columns.ravel(), begin), shape=(share.size, _NODES * len(used)))
-        return np.asarray(reader @ np.concatenate([self._slopes[:, c].T for c in used], 0))
+    def _chain(
+        self, asked: tuple[int, ...], factors: Mapping[int, Any], place: tuple[IntArray, IntArray], share: FloatArray
+    ) -> FloatArray:
+        """Slopes (m, k) by the tabulated parameters asked for, interpolated from those at the nodes."""
+        if asked not in self._nodal:
+            slopes = self._slopes[list(asked)]
+            rows = np.flatnonzero(np.any(slopes, axis=(0, 2)))
+            self._nodal[asked] = rows.tolist(), np.ascontiguousarray(slopes[:, rows].transpose(2, 1, 0))
+        used, nodal = self._nodal[asked]
+        found, weights = np.zeros((share.size, len(asked))), np.zeros((len(used), share.size))
+        for weight, c in zip(weights, used, strict=True):
+            weight += factors.get(c, 0)
+        _add_slopes(*place, share, weights, nodal, found)
+        return found
 
     def _place(self, theta: FloatArray) -> tuple[Any, FloatArray]:
         """Nodes on either side of angles (m,), and the fraction between them."""
@@ -370,6 +373,21 @@ class TabulatedTorque:
         powers = powers / self._speed ** np.array(_POWERS)[:, None]
         even, odd = 0.5 * (powers[0] + powers[1]), 0.5 * (powers[0] - powers[1])
         return [*zip(range(EVEN, ODD), even, strict=True), *zip(range(ODD, _TRAVELS), odd, strict=True)]
+
+
+@compiled
+def _add_slopes(
+    low: IntArray, high: IntArray, share: FloatArray, weights: FloatArray, nodal: FloatArray, out: FloatArray
+) -> None:
+    """Add weights (c, m) times the slopes (nodes, c, k) between two nodes of each sample."""
+    for i in range(share.size):
+        for c in range(weights.shape[0]):
+            weight = weights[c, i]
+            if weight != 0.0:
+                second = weight * share[i]
+                first = weight - second
+                for k in range(out.shape[1]):
+                    out[i, k] += first * nodal[low[i], c, k] + second * nodal[high[i], c, k]
 
 
 def _states(theta: FloatArray, speed: float) -> dict[str, FloatArray]:

@@ -150,13 +150,13 @@ class TorqueFilter:
         values = np.asarray(values, dtype=np.float64)
         if self.is_identity or not values.size:
             return values.copy()
-        columns = np.ascontiguousarray(values.reshape(values.shape[0], -1))
-        out = np.empty_like(columns)
+        rows = np.ascontiguousarray(values.reshape(values.shape[0], -1).T)
+        out = np.empty_like(rows)
         poles, weights = self._modes_in_arrays
         decays = np.exp(poles * period_s)
         shares: ComplexArray = np.array([_mean_decay(p * period_s) for p, _ in self.modes])
-        _filter(columns, decays, shares, weights, self.gain_at_zero, bool(self.high_pass_hz), out)
-        return out.reshape(values.shape)
+        _filter(rows, decays, shares, weights, self.gain_at_zero, bool(self.high_pass_hz), out)
+        return out.T.reshape(values.shape)
 
     def apply_to_cubics(self, step_s: FloatArray, cubics: FloatArray, gap: BoolArray) -> FloatArray:
         """Filter a piecewise cubic function of time, exactly; the function may jump from a piece to the next.
@@ -286,20 +286,20 @@ def _filter(
     blocking: bool,
     out: FloatArray,
 ) -> None:
-    """Filter columns on an even grid; with `blocking`, the last mode is that of the high pass."""
-    rows, columns = values.shape
+    """Filter series (k, n) on an even grid; with `blocking`, the last mode is that of the high pass."""
+    columns, rows = values.shape
     modes = decays.size
     behind = np.empty(modes, np.complex128)
-    for column in range(columns):
+    for each in range(columns):
         mean, before = 0.0, np.nan
         if blocking:  # the low pass with the corner of the high pass, backwards from the end, where it has the mean
             total, count = 0.0, 0
-            for row in range(rows):
-                if np.isfinite(values[row, column]):
-                    total, count = total + values[row, column], count + 1
+            for k in range(rows):
+                if np.isfinite(values[each, k]):
+                    total, count = total + values[each, k], count + 1
             behind[0] = 0.0
-            for row in range(rows - 1, -1, -1):
-                value = values[row, column]
+            for k in range(rows - 1, -1, -1):
+                value = values[each, k]
                 if not np.isfinite(value):
                     continue
                 if np.isfinite(before):
@@ -309,13 +309,13 @@ def _filter(
                 before = value
             mean = before + behind[0].real
         before = np.nan
-        for row in range(rows):
-            value = values[row, column]
+        for k in range(rows):
+            value = values[each, k]
             if not np.isfinite(value):
                 if np.isfinite(before) and blocking:
                     mean = before + behind[modes - 1].real
                 before = np.nan
-                out[row, column] = np.nan
+                out[each, k] = np.nan
                 continue
             if np.isfinite(before):
                 rise = value - before
@@ -330,7 +330,7 @@ def _filter(
             total = gain * value
             for m in range(modes):
                 total += (weights[m] * behind[m]).real
-            out[row, column] = total
+            out[each, k] = total
 
 
 @compiled
