@@ -48,6 +48,8 @@ OTHER_UNITS = (("degrees", 360.0), ("revolutions", 1.0))
 """Units tried for an angle that never wraps, when radians explain little."""
 SOME_SLIPS = 3
 """Fewest slips of the angle that are reported: a single one is a fault that `FaultWatch` names."""
+_CHANGES = 2
+"""Estimates of a change in time: the first stands beside values that had to do without it."""
 _FEWEST_ANGLES = 64
 """Fewest angles beside torque that show the unit by themselves."""
 _MOST_TOLD = 3
@@ -210,9 +212,12 @@ def _judged(readings: Readings, machine: Machine, unit: AngleUnit, evidence: Evi
         posterior, by_speed = _inferred(evidence, machine, configured, (beside,))
         if posterior is None:
             return None
-    changing = change_in_time(evidence, posterior)
-    if changing is not None:
-        evidence = replace(evidence, torque_Nm=evidence.torque_Nm - changing.torque_Nm)
+    whole, changing = evidence, None
+    for _ in range(_CHANGES):
+        found = change_in_time(whole, posterior)
+        if found is None:
+            break
+        changing, evidence = found, replace(whole, torque_Nm=whole.torque_Nm - found.torque_Nm)
         posterior, by_speed = _inferred(evidence, machine, configured, (1.0,))
         if posterior is None:
             return None
