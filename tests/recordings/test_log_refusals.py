@@ -178,6 +178,21 @@ def test_reported_in_words(name: str, tmp_path: Path, capsys: pytest.CaptureFixt
     assert (len(bag.read_torques()) if torques else 0) == torques
 
 
+def test_rows_out_of_order_make_the_recording_of_those_in_order(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shuffled = np.argsort(np.arange(N) // 30 + np.random.default_rng(3).random(N), kind="stable")
+    for name, rows in (("right", np.arange(N)), ("shuffled", shuffled)):
+        text = table("time,angle_rad,torque", *(each[rows] for each in (TIME, RAD, TORQUE)))
+        (tmp_path / f"{name}.csv").write_text(text, encoding="utf-8")
+        assert main(["import", str(tmp_path / f"{name}.csv"), "--out", str(tmp_path / name)]) == 0
+    assert "sorted by time" in capsys.readouterr().out
+    right, sorted_by_time = (open_bag(tmp_path / name) for name in ("right", "shuffled"))
+    np.testing.assert_array_equal(sorted_by_time.read_angles().stamps, right.read_angles().stamps)
+    np.testing.assert_array_equal(sorted_by_time.read_angles().angles_rad, right.read_angles().angles_rad)
+    np.testing.assert_array_equal(sorted_by_time.read_torques().torque_Nm, right.read_torques().torque_Nm)
+
+
 @pytest.mark.parametrize(("unit", "turn"), [("deg", 360.0), ("rev", 1.0), ("deg", 720.0), ("rad", 3.0), ("400", 400.0)])
 def test_right_units_are_not_doubted(
     unit: str, turn: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -40,6 +40,8 @@ _EXCEL_DAYS, _EXCEL_1970 = (20_000.0, 80_000.0), 25569.0
 """Excel's numbers of the days from 1954 to 2119; it counts from 30 December 1899."""
 _LATEST_S = 9.2e9
 """Nanoseconds since 1970 end in 2262."""
+_CLOSE, _FAR = 0.5, 100.0
+"""Shortest and longest step, over the usual one, of rows out of order that are sorted by time."""
 _FIRST_NS, _EPOCH_S, _BEFORE_S = 1_000_000_000, 1e8, 0.9
 """Stamp of the first row of a log without dates, since 0 means in ROS that there is no stamp,
 and the time before it from which another log is used."""
@@ -101,7 +103,7 @@ def apply(
     omega = None
     if mapping.speed.column not in ("", NO_COLUMN):
         omega = rad_per_s(mapping.speed, _column(columns, mapping.speed))
-        if omega.size != here.size:
+        if omega.size != theta.size:
             raise RecordingError(f"column '{mapping.speed.column}' has other rows than the angle; leave --speed out")
         omega = omega[here]
     torque = second = None
@@ -135,8 +137,8 @@ class _Rows:
 
     def channel(
         self, channel: Channel, values: FloatArray, kind: str, note: str = "", seconds: FloatArray | None = None
-    ) -> tuple[LoggedChannel, BoolArray]:
-        """Return the samples of a channel that have a time and a value, and their mask; `seconds`: of another log."""
+    ) -> tuple[LoggedChannel, IntArray]:
+        """Return the samples of a channel that have a time and a value, and their rows; `seconds`: of another log."""
         clock = channel.clock or self._mapping.clock
         if seconds is None:
             seconds = seconds_of(clock, self._columns)
@@ -150,13 +152,16 @@ class _Rows:
         known = np.isfinite(values)
         if not known.any():
             raise RecordingError(f"the {kind} has no number in any row; name another column, or import without it")
-        here = known & np.isfinite(seconds)
-        if not here.any():
+        here = np.flatnonzero(known & np.isfinite(seconds))
+        if not here.size:
             raise RecordingError(
                 f"no row has both a time and a value of the {kind}; name the column of its times:"
                 f" {own_times_option(kind)}"
             )
+        order, disorder = _in_order(seconds[here])
+        here = here[order]
         stamps, late = self._stamps(seconds[here], clock, kind)
+        late = disorder + late
         if kind == "angle":
             self.clock_note = _rows_without(np.isfinite(seconds)) + late
         elif clock != self._mapping.clock:
@@ -303,6 +308,20 @@ def _rows_without(here: BoolArray) -> str:
     """Describe the number of rows (n,) without a number; empty if all have one."""
     without = np.flatnonzero(~here)
     return f"; {without.size} rows without a number are not used, first row {without[0] + 1}" if without.size else ""
+
+
+def _in_order(seconds: FloatArray) -> tuple[IntArray, str]:
+    """Return the order (n,) of rows by time, and its description where it differs from that of the file.
+
+    Rows whose times would lie closer together than usual belong to a clock that was set back, far ones to another time,
+    and a time that mostly falls may count down: they keep their places.
+    """
+    order = np.argsort(seconds, kind="stable")
+    steps, falls = np.diff(seconds[order]), np.flatnonzero(np.diff(seconds) < 0.0)
+    usual = float(np.median(steps)) if steps.size else 0.0
+    if not 0 < falls.size <= 0.5 * steps.size or steps.min() < _CLOSE * usual or steps.max() > _FAR * usual:
+        return np.arange(seconds.size), ""
+    return order, f"; {falls.size} rows come before an earlier one, first at row {falls[0] + 1}: sorted by time"
 
 
 def _late_rows(steps: IntArray) -> str:
