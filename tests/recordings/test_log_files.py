@@ -5,6 +5,7 @@ from __future__ import annotations
 import decimal
 import gzip
 import math
+import os
 import subprocess
 import sys
 import zipfile
@@ -22,10 +23,10 @@ from nptdms import ChannelObject, TdmsWriter
 from pyarrow import parquet
 from scipy.io import savemat
 
-from tests.generators.logs import ANGLE, DEG, TIME, TORQUE, N
+from tests.generators.logs import ANGLE, DEG, TIME, TORQUE, N, table
 from textile_twin_core.cli.main import main
 from textile_twin_core.errors import RecordingError
-from textile_twin_core.recordings import BagWriter
+from textile_twin_core.recordings import BagWriter, open_bag
 from textile_twin_core.recordings.log_apply import apply
 from textile_twin_core.recordings.log_files import read_table
 from textile_twin_core.recordings.log_guess import guess
@@ -270,3 +271,13 @@ def test_a_file_that_is_no_log_is_named_with_advice(
     make(tmp_path / name)
     with pytest.raises(RecordingError, match=says):
         read_table(tmp_path / name)
+
+
+def test_a_part_of_the_file_of_an_imported_log_has_all_its_topics(tmp_path: Path) -> None:
+    time = np.arange(15_000) / 500.0
+    (tmp_path / "log.csv").write_text(table("time,angle_rad,torque", time, np.mod(16.0 * time, 6.28), np.sin(time)))
+    assert main(["import", str(tmp_path / "log.csv"), "--out", str(tmp_path / "log.mcap")]) == 0
+    os.truncate(tmp_path / "log.mcap", (tmp_path / "log.mcap").stat().st_size * 6 // 10)
+    bag = open_bag(tmp_path / "log.mcap")
+    for stamps in (bag.read_angles().stamps, bag.read_torques().stamps):
+        assert 0.4 < stamps.size / time.size < 0.8

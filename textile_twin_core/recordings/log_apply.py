@@ -40,6 +40,8 @@ _EXCEL_DAYS, _EXCEL_1970 = (20_000.0, 80_000.0), 25569.0
 """Excel's numbers of the days from 1954 to 2119; it counts from 30 December 1899."""
 _LATEST_S = 9.2e9
 """Nanoseconds since 1970 end in 2262."""
+_PIECE = 4096
+"""Rows of the angle that are written together."""
 _CLOSE, _FAR = 0.5, 100.0
 """Shortest and longest step, over the usual one, of rows out of order that are sorted by time."""
 _FIRST_NS, _EPOCH_S, _BEFORE_S = 1_000_000_000, 1e8, 0.9
@@ -68,20 +70,29 @@ class LoggedSamples:
     clock_note: str = ""
 
     def write(self, out: BagWriter, progress: Progress = lambda _: None) -> None:
-        """Write the topics of a recording."""
-        angle = self.angle
-        out.write_joint_states(ANGLE_TOPIC, angle.stamps, ["main_shaft"], angle.values, self.omega)
-        progress(angle.values.size)
-        if self.torque is not None:
-            out.write_wrenches(MEASURED_TOPIC, self.torque.stamps, self.torque.values)
-            progress(self.torque.values.size)
-        if self.second_angle is not None:
-            out.write_joint_states(
-                SECOND_ANGLE_TOPIC, self.second_angle.stamps, ["main_shaft"], self.second_angle.values
-            )
-        for output, channel in self.quantities.items():
-            out.write_joint_states(f"{MEASURED}/{output}", channel.stamps, [output], channel.values)
-            progress(channel.values.size)
+        """Write the topics of a recording, in pieces of equal time, so that a part of its file has all of them."""
+        pieces = self.angle.values.size // _PIECE + 1
+        for k in range(pieces):
+
+            def piece(channel: LoggedChannel, k: int = k) -> tuple[IntArray, FloatArray]:
+                here = slice(k * channel.values.size // pieces, (k + 1) * channel.values.size // pieces)
+                return channel.stamps[here], channel.values[here]
+
+            stamps, angles = piece(self.angle)
+            omega = None if self.omega is None else piece(LoggedChannel(self.angle.stamps, self.omega))[1]
+            out.write_joint_states(ANGLE_TOPIC, stamps, ["main_shaft"], angles, omega)
+            progress(stamps.size)
+            if self.torque is not None:
+                stamps, torques = piece(self.torque)
+                out.write_wrenches(MEASURED_TOPIC, stamps, torques)
+                progress(stamps.size)
+            if self.second_angle is not None:
+                stamps, angles = piece(self.second_angle)
+                out.write_joint_states(SECOND_ANGLE_TOPIC, stamps, ["main_shaft"], angles)
+            for output, channel in self.quantities.items():
+                stamps, values = piece(channel)
+                out.write_joint_states(f"{MEASURED}/{output}", stamps, [output], values)
+                progress(stamps.size)
 
 
 def apply(
