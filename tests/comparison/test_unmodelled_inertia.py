@@ -99,7 +99,7 @@ def test_thirty_times_the_own_inertia_is_found_at_discontinuous_accelerations(ga
     found = assess(speed_controlled(case, gain_Nms), configured_machine(case))
     (cause,) = found.verdict
     assert inertia(found) == pytest.approx(0.2, abs=3.0 * cause.sigma)
-    assert cause.sigma < 0.005 and "for each ms" in cause.text
+    assert cause.sigma < (0.005 if gain_Nms > 2.0 else 0.01) and "for each ms" in cause.text
 
 
 @pytest.mark.campaign

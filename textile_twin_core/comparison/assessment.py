@@ -54,8 +54,8 @@ _FEWEST_ANGLES = 64
 """Fewest angles beside torque that show the unit by themselves."""
 _MOST_TOLD = 3
 _WELL = 0.9
-"""Share of the torque's variance from which no other unit of the angle, nor the other directions of a rigid shaft, are
-tried."""
+"""Share of the torque's variance, noise apart, from which no other unit of the angle is tried; with the noise, from
+which the other directions of a rigid shaft are not."""
 _BESIDE_S = 0.05
 """Largest distance of a torque from the readings of the runs that an elastic shaft is observed in."""
 _PLAUSIBLE_RAD_S = (0.2, 700.0)
@@ -168,7 +168,7 @@ def _assess(readings: Readings, machine: Machine, track: ShaftTrack | None, begi
             found = rigid
     # without a linkage another unit of the angle is the same as another inertia
     rotor = found is not None and found.whole_turns
-    if not unit.wrapped and not rotor and (found is None or found.explained < _WELL):
+    if not unit.wrapped and not rotor and (found is None or found.unexplained > 1.0 - _WELL):
         unit, found = _other_unit(readings, machine, (unit, found))
     if found is None:
         return Assessment(unit, None, (), ("no setting of encoder and torque sensor gives any accord",))
