@@ -12,8 +12,9 @@ from tests.campaign import more
 from tests.generators.configured_machine import configured_machine
 from tests.generators.mill_recordings import Case, MillRecording, healthy, mistaken, record
 from textile_twin_core.comparison import Assessment, Readings, assess, calibrate, identify
+from textile_twin_core.comparison.causes import without_law
 from textile_twin_core.errors import RecordingError
-from textile_twin_core.inference.parameter import GAIN, gain_factor
+from textile_twin_core.inference.parameter import GAIN, HIGH_PASS, gain_factor
 from textile_twin_core.machines import create
 from textile_twin_core.recordings.prediction import recompute
 from textile_twin_core.recordings.samples import AngleSamples
@@ -180,8 +181,13 @@ def test_settings_that_explain_nothing_are_not_reported(noise: bool) -> None:
     case = replace(case, encoder=replace(case.encoder, ratio=5.0 / 3.0))
     made = record(case)
     torque = np.random.default_rng(3).standard_normal(made.torque.size) if noise else made.torque
-    (found,) = judged(case, replace(made, torque=torque)).verdict
+    assessment = judged(case, replace(made, torque=torque))
+    (found,) = assessment.verdict
     assert found.cause == "other_machine"
+    assert assessment.found is not None
+    p = assessment.found.posterior
+    behind = replace(p, fit=replace(p.fit, hypothesis=replace(p.hypothesis, filters=frozenset({HIGH_PASS}))))
+    assert without_law(p) == "" and "the force of backing depends on its measure" in without_law(behind)
     assert not noise or "a gear other than 1, 2, 3, 4" in found.text
 
 

@@ -26,6 +26,7 @@ from textile_twin_core.comparison.judged import Judged
 from textile_twin_core.comparison.readings import AngleUnit, shown_turn
 from textile_twin_core.comparison.stamp_timing import StampTiming
 from textile_twin_core.comparison.uncertainty import Estimate, with_sigma
+from textile_twin_core.inference.curved_torque import is_reached, load_name
 from textile_twin_core.inference.elastic_torque import OF_SHAFT
 from textile_twin_core.inference.parameter import (
     COULOMB,
@@ -106,7 +107,24 @@ def _other_machine(found: Judged, unexplained: float, unexplained_by_any: float,
         text = f"not this machine: {residual}, though the torque repeats with the shaft's angle"
     else:
         text = f"not this machine, or a sensor with much noise: {residual}"
-    return Cause("other_machine", text, 1.0 - unexplained)
+    return Cause("other_machine", text + without_law(found.posterior), 1.0 - unexplained)
+
+
+def without_law(p: Posterior) -> str:
+    """Say which force laws were not tried, and which recording would show them; empty where they were."""
+    elastic, machine = p.measurement.record.predicted is not None, p.measurement.model.machine
+    names = [load_name(load) for load in machine.loads if is_reached(machine, load)]
+    if not names or not (elastic or HIGH_PASS in p.hypothesis.filters):
+        return ""
+    beside, remedy = (
+        ("the declared elastic shaft", "a slow recording, with a machine file without `shaft`,")
+        if elastic
+        else ("an amplifier that blocks the mean", "a recording with its DC coupling")
+    )
+    return (
+        f"; whether the force of {' or '.join(names)} depends on its measure cannot be judged beside {beside}: {remedy}"
+        " would show it"
+    )
 
 
 def _discrete(found: Judged) -> list[Cause]:

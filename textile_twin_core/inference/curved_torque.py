@@ -33,7 +33,8 @@ _COARSE_RAD: Final = 0.03
 _TURN: Final = 2.0 * math.pi
 _BENT: Final = 8.0
 """Second difference of the forces over the miss of a straight line between their knots, of a smooth law."""
-
+_STEPPED: Final = 4.0
+"""Third difference of the forces about a step over its largest miss, half of it."""
 
 _BEGINS: Final = (0.05, 0.1, 0.2, 0.4)
 """Shares of the measure's stroke before its largest value within which a force without a declared edge may act."""
@@ -168,6 +169,8 @@ class CurvedTorque(TabulatedTorque):
         self.spread_rad = _COARSE_RAD
         counts = Counter(each.phase_rad for each in machine.linkages)
         self._moved = [(count, *measured(machine, place.measure, phase, _NODES)) for phase, count in counts.items()]
+        self.missed = np.zeros(0)
+        """(2k,) miss of a straight line to the next knot, as far as known."""
         self.steepest = float(np.max(np.abs(self._moved[0][2])))
         self.use(np.linspace(place.begin, place.end, FEWEST_KNOTS), np.eye(2 * FEWEST_KNOTS))
 
@@ -176,15 +179,21 @@ class CurvedTorque(TabulatedTorque):
         k = knots.size
         eye = np.eye(k)[:, 0 if self.place.edge else 1 :]
         zero = np.zeros_like(eye)
-        self.knots, self.missed = knots, np.zeros(2 * k)
+        self.knots = knots
+        if self.missed.size != 2 * k:
+            self.missed = np.zeros(2 * k)
         self.names = tuple(f"{CURVE}.{n}" for n in range(2 * eye.shape[1]))
         self.spread = np.block([[eye, zero], [zero, eye]]) @ root[: 2 * eye.shape[1], : 2 * eye.shape[1]]
         """(2k, free) forces at the knots, the way in first, per coefficient."""
 
     def expect_bends(self, x: FloatArray) -> None:
-        """Let a straight line between knots miss the law as much as its bends there suggest, for coefficients x."""
-        bends = [np.abs(np.diff(way, 2)) / _BENT for way in np.split(self.spread @ x, 2)]
-        self.missed = np.concatenate([np.pad(each, 1, mode="edge") for each in bends])
+        """Let a straight line between knots miss the law as much as it bends or steps there, for coefficients x."""
+        missed = []
+        for way in np.split(self.spread @ x, 2):
+            bends = np.pad(np.abs(np.diff(way, 2)) / _BENT, 1, mode="edge")
+            steps = np.abs(np.diff(way, 3)) / _STEPPED  # of a step between the middle two knots
+            missed.append(np.maximum(bends, np.pad(np.maximum(np.append(0.0, steps), np.append(steps, 0.0)), 1)))
+        self.missed = np.concatenate(missed)
 
     def torque(
         self,

@@ -68,9 +68,10 @@ _FEW: Final = 3000
 """Samples of the first fits."""
 _FIRST: Final = (0.3, 0.15)
 """Size and length of the first fits."""
-_MISSED: Final = 0.005
-"""Miss of a straight line between two knots, over the peak, above which there are twice as many."""
-_ROUNDS, _SETTLING, _REFINED = 4, 2, 1
+_MISSED, _HELPED = 0.002, 0.5
+"""Miss of a straight line between two knots, over the peak, above which there are twice as many; share of it to which
+these reduce it unless the law steps there."""
+_ROUNDS, _SETTLING, _REFINED = 4, 2, 2
 _ITERATIONS, _SOME, _LAST = 15, 10, 3
 """Most iterations of a fit, of one near its end, and of those of all samples from that of a part of them on."""
 WHITE: Final = 1.5
@@ -322,11 +323,14 @@ class _Law:
         some = record if record.block_s else record.thinned(_WORKING_SAMPLES)
         self._renew(some)
         fit = self._held(self.fit.x, _SOME)
+        before = math.inf
         for _ in range(_REFINED):
-            if self._bends(fit) and _count_of(record, self.knots.size):
-                fit, _ = self._tuned(self._refined(fit, some))
+            missed, enough = self._missed(fit), record.time_s.size > 4.0 * _SAMPLES_A_KNOT * self.knots.size
+            if _MISSED < missed < _HELPED * before and enough:
+                before, (fit, _) = missed, self._tuned(self._refined(fit, some))
         # Samples beside an edge enter last: while the zero is off by more than their spread, they hold it there.
         self.model.spread_rad = _FINE_RAD
+        self.model.expect_bends(fit.x[len(self.known) :])  # or departures would explain what the knots miss
         fit = self._held(fit.x, _SOME)
         for _ in range(_ROUNDS):
             fit, same = self._round(fit)
@@ -362,11 +366,11 @@ class _Law:
             self.m, self.hypothesis, fit.x, self.off_nominal, iterations=iterations, relinearise=True
         )
 
-    def _bends(self, fit: Fit) -> bool:
-        """Return whether a straight line between the knots misses the law by much."""
+    def _missed(self, fit: Fit) -> float:
+        """Return by how much a straight line between the knots misses the law at most, over its peak."""
         forces = self.model.spread @ fit.x[len(self.known) :]
         off = max(float(np.max(np.abs(np.diff(way, 2)))) for way in np.split(forces, 2)) / 8.0
-        return off > _MISSED * float(np.max(np.abs(forces)))
+        return off / max(float(np.max(np.abs(forces))), 1e-300)
 
     def _refined(self, fit: Fit, record: Record) -> Fit:
         """Fit again with twice as many knots, from the same forces."""
@@ -492,8 +496,3 @@ def _count(machine: Machine, place: Place, record: Record) -> int:
     position, _ = measured(machine, place.measure, 0.0, 720)
     inside = float(np.mean(position >= place.begin)) * record.time_s.size
     return int(min(max(inside / (2.0 * _SAMPLES_A_KNOT), FEWEST_KNOTS), _MOST_KNOTS))
-
-
-def _count_of(record: Record, knots: int) -> bool:
-    """Return whether a record has enough samples for twice as many knots."""
-    return record.time_s.size > 4.0 * _SAMPLES_A_KNOT * knots
