@@ -35,3 +35,11 @@ def test_fewer_samples_fill_blocks(most: int) -> None:
     assert 0.9 * most - 240 < taken.size <= most and taken[-1] < 100_000
     assert np.median(np.diff(taken)) == 4.0
     assert blocks.fewer(100, 5.0, most).tolist() == list(range(100))
+
+
+def test_averages_of_white_noise_scatter_together_by_their_overlap() -> None:
+    time = np.arange(0.0, 2000.0, 1e-2)
+    noise = np.random.default_rng(3).standard_normal((time.size, 1))
+    found, whole = blocks.means(time / 0.1, noise, np.ones(time.size, np.bool_))
+    sums = found[whole, 0][:19900].reshape(-1, 100).sum(1)
+    assert np.var(sums) / (100.0 * np.var(found[whole])) == pytest.approx(1.0 + blocks.OVERLAP, rel=0.25)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -73,6 +74,15 @@ def test_friction_that_the_file_lacks_is_no_gear(tmp_path: Path) -> None:
     (cause,) = assess(readings(4), machine(tmp_path, friction=0.0)).verdict
     assert cause.cause == "unmodelled_friction"
     assert cause.value == pytest.approx(COULOMB_NM + 60.0 * VISCOUS_NMS, rel=0.05)
+
+
+def test_a_line_that_explains_little_of_the_torque_is_no_cause(tmp_path: Path) -> None:
+    """A real drive has lines of 4e-5 of its torque's variance, which were named where its inertia was wrong."""
+    seen = readings(6)
+    line = 0.002 * np.sin(2.0 * np.pi * 77.0 * 1e-9 * seen.torque_stamps_ns)
+    found = assess(replace(seen, torque=seen.torque + line), machine(tmp_path, inertia=0.2))
+    assert found.found is not None and found.found.lines[0].frequency_hz == pytest.approx(77.0, abs=0.1)
+    assert [cause.cause for cause in found.verdict] == ["unmodelled_inertia"]
 
 
 def test_no_zero_is_stated(tmp_path: Path) -> None:

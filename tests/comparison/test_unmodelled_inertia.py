@@ -10,10 +10,12 @@ import pytest
 from tests.campaign import more
 from tests.generators.configured_machine import configured_machine
 from tests.generators.mill_recordings import Case, healthy, record
+from tests.generators.shaft_law import Backing
 from tests.generators.speed_controlled_motion import speed_controlled_motion
 from textile_twin_core.comparison import Assessment, Readings, assess, calibrate, identify
 from textile_twin_core.comparison.evidence import Evidence
 from textile_twin_core.comparison.shaft_track import ShaftTrack
+from textile_twin_core.dynamics import Body
 from textile_twin_core.inference.parameter import ROTOR
 from textile_twin_core.inference.priors import WorkingPoint, parameters
 from textile_twin_core.inference.torque_model import TabulatedTorque
@@ -111,6 +113,18 @@ def test_beside_a_reversed_sign_both_are_named() -> None:
     sign, added = assess(replace(readings, torque=-readings.torque), configured_machine(case)).verdict
     assert (sign.cause, added.cause) == ("torque_sign", "unmodelled_inertia")
     assert added.value == pytest.approx(ADDED_KGM2, rel=0.02)
+
+
+@pytest.mark.slow
+def test_behind_a_flywheel_that_the_file_has_a_wrong_force_is_named_with_its_value() -> None:
+    """The encoder does not show the ripple of the speed, whose torque is thirty times what stays unexplained."""
+    case = replace(heavier("tufting"), added_inertia_kgm2=0.2, backing=Backing(force_N=1150.0))
+    machine = configured_machine(case)
+    machine = replace(machine, bodies=(*machine.bodies, Body("main_shaft", 1.0, 0.2)))
+    found = assess(speed_controlled(case, 40.0), machine)
+    (cause,) = found.verdict
+    assert cause.cause == "load_force" and cause.value == pytest.approx(1.15, abs=3.0 * cause.sigma)
+    assert cause.sigma < 0.01 and found.found is not None and found.found.posterior.is_motion_uncertain
 
 
 @pytest.mark.slow

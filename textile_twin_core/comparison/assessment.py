@@ -272,32 +272,38 @@ def _inferred(
 ) -> tuple[Posterior | None, float]:
     """Return the posterior and the fall of the torque with the speed [N m s].
 
-    Under a speed-controlled drive the errors of single accelerations are correlated with the torque; those of means
-    over a tenth of a turn are not.
+    Under a speed-controlled drive, or where they exceed the noise, the errors of single accelerations are correlated
+    with the torque; those of means over a tenth of a turn are not.
     """
     turning = evidence.in_blocks().thinned(_MOST_GOVERNED)
     by_speed = torque_by_speed(turning, configured.delay_s)
     rotor = not TabulatedTorque(machine, (), {}).depends_on_angle()
     if rotor:  # another ratio is the same as another inertia
         ratios = ratios[:1]
-    found = _posterior(evidence, bool(by_speed), rotor, machine, configured, ratios)
+    found = _posterior(evidence, bool(by_speed), bool(by_speed), rotor, machine, configured, ratios)
     if found is not None and not by_speed:
         by_speed = torque_by_speed(turning, found.hypothesis.delay_s + found.value(DELAY))
-        if by_speed:
-            found = _posterior(evidence, True, rotor, machine, configured, ratios)
+        if by_speed or found.is_motion_uncertain:
+            averaged = _posterior(evidence, bool(by_speed), True, rotor, machine, configured, ratios)
+            # a torque that itself steps between two samples has worse averages
+            if by_speed or (averaged is not None and averaged.fit.rms < found.fit.rms):
+                found = averaged
     return found, by_speed
 
 
 def _posterior(
     evidence: Evidence,
     speed_controlled: bool,
+    averaged: bool,
     rotor: bool,
     machine: Machine,
     configured: Hypothesis,
     ratios: tuple[float, ...],
 ) -> Posterior | None:
     """Infer the posterior of the record, of departures or of a force law; filters are judged on runs of it."""
-    record, runs = (record_of(each, speed_controlled, rotor) for each in (evidence, evidence.in_runs()))
+    record, runs = (
+        record_of(each, speed_controlled, rotor, averaged=averaged) for each in (evidence, evidence.in_runs())
+    )
     laws = ForceLaws(evidence, machine, _encoder_turn(machine), runs)
     found = infer(record, machine, configured, ratios, runs, laws.at_once)
     return None if found is None else laws.likelier(found)

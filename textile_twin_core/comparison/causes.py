@@ -57,9 +57,11 @@ FOLLOWS_NOTHING = 0.5
 """Share of the torque, unexplained by the best function of the angle, above which it follows no machine."""
 _OF_TIME = (DELAY, DRIFT, *FILTERS)
 """Departures that change no mean torque, so that an uncertain ripple of the motion can hide them."""
+_HIDDEN = 2.0
+"""Residuals within which an uncertain ripple of the motion can hide a departure of time."""
 _TWO_SIGMA = 1.96
-_LEAST_LINE = 0.005
-"""Amplitude of a line fixed in time, over the working torque, above which it is named."""
+_LEAST_LINE = 1e-4
+"""Share of the torque's variance that a line fixed in time explains, above which it is named."""
 _CERTAIN = 4.0
 """Standard deviations above which friction, and a force within its everyday tolerance, are named."""
 
@@ -165,7 +167,9 @@ def _is_own_mirror_image(p: Posterior) -> bool:
 def _departures(found: Judged) -> list[Cause]:
     """Reportable departures, in order of the torque that each explains."""
     p, named = found.posterior, list[tuple[float, Cause]]()
-    effects, uncertain = found.effects_Nm, abs(p.hypothesis.gain) * p.measurement.uncertain_Nm
+    effects = found.effects_Nm
+    # errors of the motion stay in the residual, too, as far as the averages of a fit show them
+    uncertain = min(abs(p.hypothesis.gain) * p.measurement.uncertain_Nm, _HIDDEN * p.fit.rms)
     for name in sorted(p.off_nominal):
         away = p.departure(name)
         if name in (ZERO, DELAY) and found.evidence.track.at_one_speed:
@@ -205,7 +209,9 @@ def _departures(found: Judged) -> list[Cause]:
             away, sigma = p.departure(known.name), p.sigma(known.name)
             if abs(away) > max(known.threshold, _CERTAIN * sigma):
                 named.append((effects.get(known.name, 0.0), departure_cause(found, known.name)))
-    lines = [line for line in found.lines if line.amplitude_Nm > _LEAST_LINE * p.measurement.working_torque_Nm]
+    # of the measured torque: that of the file may be wrong, or in another unit
+    least = math.sqrt(2.0 * _LEAST_LINE * float(np.var(found.evidence.torque_Nm)))
+    lines = [line for line in found.lines if line.amplitude_Nm > least]
     if lines:
         named.append((lines[0].amplitude_Nm / math.sqrt(2.0), noise_cause(lines)))
     named.sort(key=lambda each: -each[0])

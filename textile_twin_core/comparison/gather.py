@@ -148,18 +148,23 @@ def unusable_reason(evidence: Evidence) -> str:
 
 
 def record_of(
-    evidence: Evidence, speed_controlled: bool = False, whole_turns: bool = False, most: int = MOST_SAMPLES
+    evidence: Evidence,
+    speed_controlled: bool = False,
+    whole_turns: bool = False,
+    most: int = MOST_SAMPLES,
+    averaged: bool = False,
 ) -> Record:
     """Return the record for the inference, by samples or by block averages.
 
     Args:
         evidence: the record.
-        speed_controlled: averages over a tenth of a turn.
+        speed_controlled: the torque follows the speed.
         whole_turns: averages over a turn, for a machine whose torque does not depend on the angle. A torque that
             repeats with the angle is then foreign to it, and its ripple in speed must not pass for an inertia.
         most: most samples.
+        averaged: averages over a tenth of a turn.
     """
-    blocks = evidence.in_blocks(whole_turns=whole_turns) if speed_controlled or whole_turns else evidence
+    blocks = evidence.in_blocks(whole_turns=whole_turns) if averaged or whole_turns else evidence
     turning = blocks.thinned(most)
     return Record(
         turning.time_s,

@@ -140,7 +140,8 @@ def identify(readings: Readings, machine: Machine, begin: Begin = unheard) -> Id
     candidates, hypothesis = Candidates(machine), found.posterior.hypothesis
     speed_controlled, whole_turns = bool(found.torque_by_speed_Nms), found.whole_turns
     evidence = found.evidence.in_runs() if hypothesis.filters else found.evidence
-    record = record_of(evidence, speed_controlled, whole_turns, most=_ALL_SAMPLES)
+    averaged = bool(found.posterior.measurement.record.block_s)
+    record = record_of(evidence, speed_controlled, whole_turns, _ALL_SAMPLES, averaged)
     m = candidates.measurement(found.posterior.measurement, record)
     off_nominal = found.posterior.off_nominal
     nuisance = {*off_nominal.intersection({DRIFT, HELD}), *m.off_nominal_chain(off_nominal)}

@@ -114,17 +114,18 @@ class Judged:
 
     @cached_property
     def effects_Nm(self) -> dict[str, float]:
-        """Root mean square [N m] of the torque that each departure explains, at the fit; a group under its leader."""
+        """Root mean square [N m] of the torque that each departure explains, as fitted; a group under its leader."""
         p = self.posterior
         m = p.measurement
         seen = m.expected(p.hypothesis, p.fit.x, slopes=True)
         assert seen.slopes is not None
+        slopes, good = m.means(seen.slopes, seen.good)
         away = p.fit.x - m.nominal
         out: dict[str, FloatArray] = {}
         for k, known in enumerate(m.parameters):
             if away[k]:
                 name = known.leader or known.name
-                out[name] = out.get(name, 0.0) + seen.slopes[seen.good, k] * away[k]
+                out[name] = out.get(name, 0.0) + slopes[good, k] * away[k]
         return {name: float(np.sqrt(np.mean(torque**2))) for name, torque in out.items()}
 
 

@@ -15,6 +15,8 @@ _SAMPLES = 10.0
 """Samples in a block beyond which more add no information."""
 _WHOLE = 0.7
 """Share of the usual weight of a block's samples below which the block is discarded."""
+OVERLAP = 0.5
+"""Twice the correlation of neighbouring averages of white noise."""
 _RUN = 240
 """Consecutive samples in each part of a thinned record."""
 

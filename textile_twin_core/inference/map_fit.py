@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
+from textile_twin_core.inference.blocks import OVERLAP
 from textile_twin_core.inference.measurement import Expected, Hypothesis, Measurement
 from textile_twin_core.inference.parameter import COULOMB, DELAY, DRIFT, GAIN, ROTOR, ZERO
 from textile_twin_core.inference.robust import huber_loss, huber_weights, robust_scale
@@ -167,9 +168,6 @@ def map_fit(
     away = x - measurement.nominal
     information = here.information + used * here.standing
     covariance = np.asarray(np.linalg.inv(information / used + np.diag(1.0 / variance)))
-    if measurement.diluted:  # all values that follow the gain have its dilution
-        follow = covariance[names.index(GAIN)] / covariance[names.index(GAIN), names.index(GAIN)]
-        covariance = covariance + measurement.diluted**2 * np.outer(follow, follow)
     torque = measurement.record.torque_Nm
     return Fit(
         x,
@@ -314,7 +312,7 @@ def _step(
 
 
 def _ratios(measurement: Measurement, here: Weighed) -> FloatArray:
-    """Variance of the scores per turn over that of independent samples, by parameter, at least 1.
+    """Variance of the scores per turn over that of independent samples, by parameter, at least that of white noise.
 
     Scores of the same sector in all turns are summed, too: an error that repeats in every turn, as of the acceleration
     at a step of the load, shows there alone (clusters both ways, Cameron, Gelbach and Miller 2011).
@@ -327,7 +325,12 @@ def _ratios(measurement: Measurement, here: Weighed) -> FloatArray:
         for each in (here.turn, sector)
     )
     of_turns, of_sectors = (clustered / here.scale**4 / alone for clustered in (by_turn, by_sector))
-    return np.maximum(of_turns, 1.0) + np.maximum(of_sectors - 1.0, 0.0)
+    white = np.ones(len(asked))
+    if measurement.record.block_s:  # neighbours of slow slopes repeat each other
+        rows = np.zeros((here.good.size, len(asked)))
+        rows[here.good] = here.slopes[:, asked]
+        white += OVERLAP * np.maximum(np.sum(rows[1:] * rows[:-1], 0) / np.maximum(np.sum(rows**2, 0), 1e-300), 0.0)
+    return np.maximum(of_turns, white) + np.maximum(of_sectors - 1.0, 0.0)
 
 
 def _scores(here: Weighed, asked: list[int], place: IntArray) -> list[FloatArray]:

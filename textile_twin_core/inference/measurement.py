@@ -100,7 +100,6 @@ class Measurement:
         record: the samples. model: torque of the machine. parameters: in their order.
         working_torque_Nm: scale of the torque at work.
         uncertain_Nm: root mean square of the torque that the uncertainty of the motion makes.
-        diluted: share by which it may attenuate the torque sensor's gain, which is in every covariance.
     """
 
     def __init__(
@@ -110,7 +109,6 @@ class Measurement:
         parameters: tuple[ModelParameter, ...],
         working_torque_Nm: float,
         uncertain_Nm: float = 0.0,
-        diluted: float = 0.0,
     ) -> None:
         self.record, self.model, self.parameters = record, model, parameters
         self.about = model.nominal
@@ -118,7 +116,7 @@ class Measurement:
         self.place = {name: k for k, name in enumerate(self.names)}
         self.sloped = frozenset(self.names)
         self.nominal = np.array([p.nominal for p in parameters])
-        self.working_torque_Nm, self.uncertain_Nm, self.diluted = working_torque_Nm, uncertain_Nm, diluted
+        self.working_torque_Nm, self.uncertain_Nm = working_torque_Nm, uncertain_Nm
         self.ripple = AngleRipple(parameters, record.shaft_per_encoder, record.speed_rad_s)
         self._motion: dict[tuple[bool, float, float], States] = {}
 
@@ -132,7 +130,7 @@ class Measurement:
         size, begin = self.working_torque_Nm, self.grid.begin_s
         names = [f"{START}{each}" for each in begin] if len(begin) <= _MOST_STARTS else []
         starts = (ModelParameter(name, "motion", 0.0, size, size, size, 0.0, math.inf, "N m") for name in names)
-        of_machine = self.working_torque_Nm, self.uncertain_Nm, self.diluted
+        of_machine = self.working_torque_Nm, self.uncertain_Nm
         return Measurement(self.record, self.model, (*self.parameters, *starts), *of_machine)
 
     def off_nominal_chain(self, off_nominal: Collection[str]) -> tuple[str, ...]:
@@ -160,7 +158,7 @@ class Measurement:
 
     def on(self, record: Record) -> Measurement:
         """Return a copy for another record, with the same linearisation."""
-        of_machine = self.working_torque_Nm, self.uncertain_Nm, self.diluted
+        of_machine = self.working_torque_Nm, self.uncertain_Nm
         other = Measurement(record, self.model, self.parameters, *of_machine)
         other.about = self.about
         return other
@@ -273,10 +271,15 @@ class Measurement:
         return Torque(torque, columns, none, none, none), inside, columns
 
     def spread_rad(self, hypothesis: Hypothesis) -> float:
-        """Shaft angle over which a step of the load is smeared; a filter smears it by itself."""
-        if not hypothesis.filters:
-            return self.model.coarse_rad
-        return GRID_SPREAD * self.grid.period_s * abs(hypothesis.turn * self.record.speed_rad_s)
+        """Shaft angle over which a step of the load is smeared; a filter smears it by itself.
+
+        In an average each sample stands for the time to its neighbours.
+        """
+        speed = abs(hypothesis.turn * self.record.speed_rad_s)
+        if hypothesis.filters:
+            return GRID_SPREAD * self.grid.period_s * speed
+        apart = float(np.median(np.diff(self.record.time_s))) if self.record.block_s else 0.0
+        return max(self.model.coarse_rad, apart * speed)
 
     def _slopes(
         self, hypothesis: Hypothesis, v: Mapping[str, float], table: FloatArray, found: Torque, own: States

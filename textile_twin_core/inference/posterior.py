@@ -42,7 +42,7 @@ from textile_twin_core.inference.parameter import (
     gain_factor,
     gain_value,
 )
-from textile_twin_core.inference.priors import WorkingPoint, parameters, uncertain_ripple, with_dilution
+from textile_twin_core.inference.priors import WorkingPoint, parameters, uncertain_ripple
 from textile_twin_core.inference.record import MOST_SAMPLES, Record
 from textile_twin_core.inference.starts import GAINS, LOG_ODDS, RATIOS, TURN, hypotheses
 from textile_twin_core.inference.torque_model import TabulatedTorque
@@ -137,6 +137,11 @@ class Posterior:
         return 1.0 - float(np.mean(residual[good] ** 2)) / max(float(np.var(torque)), 1e-300) if torque.size else 0.0
 
     @property
+    def is_motion_uncertain(self) -> bool:
+        """True if the motion's uncertainty makes more torque than the values leave unexplained."""
+        return self.fit.rms < abs(self.hypothesis.gain) * self.measurement.uncertain_Nm
+
+    @property
     def prior_cost(self) -> float:
         """Prior cost of the departures in nats: large if this machine explains the torque only by many mistakes."""
         cost = 0.0
@@ -188,7 +193,7 @@ def infer(
         if chain and chain[0].log_evidence > _bound(unsearched, chain[0]):
             return chain[0]
     found = _searched(moved, configured, fits, unsearched.fit if fits is plain else None)
-    if not filtered or found.fit.rms < abs(found.hypothesis.gain) * found.measurement.uncertain_Nm:
+    if not filtered or found.is_motion_uncertain:
         return found  # the uncertain motion explains more torque than is left for a filter
     if _is_surprising(found):
         if chain is None:
@@ -396,12 +401,7 @@ def _with_motion(measurement: Measurement, fits: list[Fit]) -> tuple[Measurement
     speed = abs(record.speed_rad_s * fits[0].hypothesis.turn)
     inertia = model.mean_inertia + float(fits[0].x[measurement.place[ROTOR]])
     ripple, felt = uncertain_ripple(record.ripple, model.torque_orders(speed), inertia, speed, scale)
-    seen = measurement.expected(replace(fits[0].hypothesis, filters=frozenset()), measurement.nominal)
-    # the mean torque shows no gain beside friction
-    torque = seen.torque_Nm[seen.good] / abs(fits[0].hypothesis.gain)
-    diluted = felt**2 / max(float(np.var(torque)), scale**2 * 1e-6) if torque.size else 0.0
-    known = tuple(with_dilution(p, diluted) if p.name == GAIN else p for p in measurement.parameters)
-    wider = Measurement(record, model, (*known, *ripple), scale, felt, diluted)
+    wider = Measurement(record, model, (*measurement.parameters, *ripple), scale, felt)
     return wider, [replace(fit, x=np.append(fit.x, np.zeros(len(ripple)))) for fit in fits]
 
 

@@ -260,19 +260,6 @@ def uncertain_ripple(
     return tuple(out), float(np.sqrt(np.sum(felt**2)))
 
 
-def with_dilution(gain: ModelParameter, share: float) -> ModelParameter:
-    """Return the gain with the tolerance that errors of the motion add: they attenuate a slope by their share.
-
-    Args:
-        gain: the parameter.
-        share: mean square of the torque that the uncertain motion makes, over that of the torque.
-
-    References:
-        Fuller, Measurement Error Models, 1987, equation 1.1.7 (reliability ratio).
-    """
-    return replace(gain, tolerance=min(math.hypot(gain.tolerance, share), gain.departure))
-
-
 def _checked(machine: Machine, known: list[ModelParameter]) -> list[ModelParameter]:
     """Return the parameters; raise MachineError if the machine states a tolerance of any other number."""
     names = {parameter.name: parameter for parameter in known}
