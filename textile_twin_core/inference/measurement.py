@@ -315,7 +315,9 @@ class Measurement:
         """Torque on the grid and its slopes through the sensor's filter, at the samples; likewise angles and mask."""
         chosen, names = torque_filter(v), [name for name in columns if name in self.sloped]
         stacked = np.stack([torque, *(columns[name] for name in names)])
-        stacked[:, ~good] = 0.0
+        known = good.copy()
+        known[: int(np.argmax(good))] = True  # the state in which the motion begins, whatever the delay
+        stacked[:, ~known | ~np.isfinite(stacked).all(axis=0)] = 0.0
         torque, through = stacked[0], self.grid.at_samples(self.grid.through(chosen, stacked))
         out = dict(zip(names, through[1:], strict=True))
         seen, settled = through[0], chosen
