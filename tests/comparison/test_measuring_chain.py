@@ -13,7 +13,8 @@ from tests.generators.configured_machine import configured_machine
 from tests.generators.mill_recordings import Case, Encoder, TorqueSensor, healthy, record
 from textile_twin_core.comparison import Assessment, Readings, assess, calibrate
 from textile_twin_core.comparison.torque_readings import fresh_readings, time_lines
-from textile_twin_core.inference.parameter import DELAY, GAIN, ZERO, gain_factor
+from textile_twin_core.inference.chain import EvenGrid, torque_filter
+from textile_twin_core.inference.parameter import DELAY, FILTERS, GAIN, ZERO, gain_factor
 
 FORCE = "loads.backing.force_N"
 CHAINS: dict[str, tuple[Encoder, TorqueSensor, str, float]] = {
@@ -78,6 +79,31 @@ def test_the_chain_is_named_with_its_value_and_no_part_of_the_machine(chain: str
         # a drive that holds its reading is late by up to a log's interval
         allowed = 3.5 * p.sigma(name) + (1e-3 if name == DELAY and chain == "held" else 0.0)
         assert departure == pytest.approx(true, abs=allowed), name
+
+
+@pytest.mark.slow
+def test_a_slow_low_pass_at_one_speed_reads_as_no_reversed_encoder() -> None:
+    case = healthy("tufting", 33, run_up=False, duration_s=12.0)
+    slow = replace(case.torque, gain=1.02, delay_s=0.0014, low_pass_hz=10.4, low_pass_order=1)
+    named = {each.cause: each for each in judged(replace(case, torque=slow)).verdict}
+    assert not {*NO_PART, "torque_sign", "encoder_direction", "encoder_eccentricity"} & set(named)
+    low_pass = named["torque_low_pass"]
+    assert low_pass.value == pytest.approx(1.0 / (2.0 * math.pi * 10.4), abs=3.5 * low_pass.sigma)
+
+
+def test_a_reading_beside_an_unknown_torque_is_not_settled() -> None:
+    """Its interpolation and the sharpening of the grid reach three points to either side."""
+    time = np.arange(0.0, 2.0, 0.002)
+    grid = EvenGrid(time, 16.0)
+    torque = np.sin(20.0 * grid.time_s)
+    good = np.ones(grid.time_s.size, np.bool_)
+    good[grid.time_s.size // 2] = False
+    settled = grid.settled(torque_filter(dict.fromkeys(FILTERS, 0.0)), good)
+    spoilt = np.where(good, torque, 1e3)
+    sharp = spoilt.copy()
+    sharp[1:-1] -= 0.2 * (spoilt[2:] - 2.0 * spoilt[1:-1] + spoilt[:-2])
+    assert 0 < np.count_nonzero(~settled) < 5
+    np.testing.assert_allclose(grid.at_samples(sharp)[settled], np.sin(20.0 * time)[settled], atol=1e-3)
 
 
 @pytest.mark.slow
