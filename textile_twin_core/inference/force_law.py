@@ -187,14 +187,13 @@ def likely_curve(
     record = plain.measurement.record
     few = record if record.block_s else record.thinned(_FEW)
     laws = [_Law(plain, machine, each, few) for each in places_of(machine, place, whole=not least)]
-    for law in laws:
-        law.begin()
-    smallest = min(laws, key=lambda each: each.fit.scale).fit
-    best = max(laws, key=lambda each: each.at_scale(smallest)) if len(laws) > 1 else laws[0]
     speed = np.abs(few.motion.at(few.time_s)[1])
     speed = speed[speed > _WORKING * np.percentile(speed, 95.0)]
-    if not record.one_speed and float(np.ptp(np.percentile(speed, (5.0, 95.0)))) > _VARIES * float(np.mean(speed)):
-        best.choose_power()
+    varies = float(np.ptp(np.percentile(speed, (5.0, 95.0)))) > _VARIES * float(np.mean(speed))
+    for law in laws:
+        law.begin(varies and not record.one_speed)
+    smallest = min(laws, key=lambda each: each.fit.scale).fit
+    best = max(laws, key=lambda each: each.at_scale(smallest)) if len(laws) > 1 else laws[0]
     power = best.model.power
     found = None if best.explained < least else best.finish(record)
     if runs is None or plain.hypothesis.filters or (found is not None and found.posterior.fit.inflation < WHITE):
@@ -242,20 +241,28 @@ class _Law:
         law = tuple(ModelParameter(name, CURVE, 0.0, 1.0, 1.0, 1.0, 0.5, math.inf, "") for name in self.model.names)
         self.m = Measurement(record, self.model, (*self.known, *law), self.working)
 
-    def begin(self) -> None:
-        """Fit the law and the sensors alone: a force that is not found yet would pass for a wrong length."""
-        fits = list[tuple[float, int, Fit, Departures, tuple[float, float]]]()
+    def begin(self, by_speed: bool = False) -> None:
+        """Fit the law and the sensors alone: a force that is not found yet would pass for a wrong length.
+
+        Args:
+            by_speed: choose the power of the speed with which the force grows.
+        """
+        fits = list[tuple[float, int, Fit, Departures, tuple[float, float], Literal[0, 1, 2]]]()
         for start, hypothesis, off_nominal in self._starts():
             self.hyper, self.off_nominal, self.hypothesis = _FIRST, off_nominal, hypothesis
+            self.model.power = 0 if by_speed else self.model.power
             self._renew(self.record)
             fit = self._held(start, _ITERATIONS)
             for _ in range(_SETTLING):
                 fit, _ = self._tuned(fit)
                 fit = self._held(fit.x, _SOME)
-            fits.append((fit.rms, len(fits), fit, off_nominal, self.hyper))
-            if fit.explained > _EXPLAINED and not hypothesis.filters:
+            self.fit = fit
+            if by_speed:
+                self.choose_power()
+            fits.append((self.fit.rms, len(fits), self.fit, off_nominal, self.hyper, self.model.power))
+            if self.explained > _EXPLAINED and not hypothesis.filters:
                 break
-        *_, self.fit, self.off_nominal, self.hyper = min(fits, key=lambda each: each[:2])
+        *_, self.fit, self.off_nominal, self.hyper, self.model.power = min(fits, key=lambda each: each[:2])
         self.hypothesis = self.fit.hypothesis
         self._renew(self.record)
 
