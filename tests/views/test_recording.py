@@ -13,7 +13,7 @@ from tests.views.conftest import START_NS, Run, rows_of, scalars_of
 from textile_twin_core.comparison import compare_torque
 from textile_twin_core.dynamics.loads import ForceCurve
 from textile_twin_core.errors import OutputError
-from textile_twin_core.inference.force_law import LearnedCurve
+from textile_twin_core.inference.learned_curve import LearnedCurve
 from textile_twin_core.machines import tufting
 from textile_twin_core.views import write_comparison_recording
 from textile_twin_core.views.force_law_plot import ForceLawPlot

@@ -25,7 +25,8 @@ from textile_twin_core.comparison.unmodelled import unmodelled_torque
 from textile_twin_core.dynamics.loads import ShaftFriction
 from textile_twin_core.errors import RecordingError
 from textile_twin_core.inference.curved_torque import place_of
-from textile_twin_core.inference.force_law import LearnedCurve, learn_curve, learned
+from textile_twin_core.inference.force_law import learn_curve
+from textile_twin_core.inference.learned_curve import LearnedCurve, learned
 from textile_twin_core.inference.measurement import Measurement
 from textile_twin_core.inference.parameter import (
     COULOMB,

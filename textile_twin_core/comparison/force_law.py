@@ -15,7 +15,8 @@ from textile_twin_core.inference.curved_torque import CurvedTorque, is_reached, 
 from textile_twin_core.inference.evidence import QuadraticEvidence
 from textile_twin_core.inference.filter_scan import likely_filters
 from textile_twin_core.inference.force_law import SENSORS as LAW_SENSORS
-from textile_twin_core.inference.force_law import WHITE, CurvePosterior, LearnedCurve, curve_and, learned, likely_curve
+from textile_twin_core.inference.force_law import WHITE, CurvePosterior, likely_curve
+from textile_twin_core.inference.learned_curve import LearnedCurve, curve_and, learned
 from textile_twin_core.inference.map_fit import Fit, map_fit
 from textile_twin_core.inference.measurement import Hypothesis
 from textile_twin_core.inference.parameter import GAIN

@@ -19,7 +19,7 @@ from textile_twin_core.comparison.statistics import (
     SpeedBins,
 )
 from textile_twin_core.comparison.uncertainty import Estimate
-from textile_twin_core.inference.force_law import LearnedCurve
+from textile_twin_core.inference.learned_curve import LearnedCurve
 from textile_twin_core.machine import Event
 
 if TYPE_CHECKING:

@@ -18,11 +18,11 @@ from typing import Final, Literal
 
 import numpy as np
 
-from textile_twin_core.arrays import BoolArray, FloatArray
-from textile_twin_core.dynamics.loads import ForceCurve
+from textile_twin_core.arrays import FloatArray
 from textile_twin_core.inference.curved_torque import EDGES, FEWEST_KNOTS, CurvedTorque, Place, measured, places_of
-from textile_twin_core.inference.evidence import Choice, Departures, QuadraticEvidence, choose, is_one
+from textile_twin_core.inference.evidence import OF_BODIES, Choice, Departures, QuadraticEvidence, choose, is_one
 from textile_twin_core.inference.filter_scan import likely_filters
+from textile_twin_core.inference.learned_curve import LearnedCurve, learned
 from textile_twin_core.inference.map_fit import Fit, fit_with_prior_update, map_fit, prior_variance
 from textile_twin_core.inference.measurement import Hypothesis, Measurement
 from textile_twin_core.inference.parameter import (
@@ -84,73 +84,6 @@ _WORKING_SAMPLES: Final = 3000
 """Samples of all fits but the last."""
 SENSORS: Final = frozenset((ZERO, DELAY, GAIN, OFFSET, COULOMB, VISCOUS))
 """Parameters that every law is fitted with."""
-_CONSTANT: Final = 0.02
-"""Variation of a force over its peak up to which it is a constant one: so near is a curve known."""
-_DETERMINED: Final = 0.1
-"""Standard deviation over the curve's peak above which a knot counts as not determined."""
-
-
-@dataclass(frozen=True)
-class LearnedCurve:
-    """A force law with standard deviations.
-
-    Attributes:
-        name, measure: of the load. knots: (k,) values of the measure.
-        in_N, out_N: (k,) force against the motion while the measure grows and shrinks.
-        covariance: (2k, 2k) of both together, the way in first.
-        speed_power: power of the shaft speed with which the force grows. at_speed_rad_s: speed of the values.
-    """
-
-    name: str
-    measure: str
-    knots: FloatArray
-    in_N: FloatArray
-    out_N: FloatArray
-    covariance: FloatArray
-    speed_power: Literal[0, 1, 2]
-    at_speed_rad_s: float
-
-    @property
-    def in_sigma_N(self) -> FloatArray:
-        """(k,) standard deviations on the way in."""
-        return np.sqrt(np.diag(self.covariance)[: self.knots.size])
-
-    @property
-    def out_sigma_N(self) -> FloatArray:
-        """(k,) standard deviations on the way out."""
-        return np.sqrt(np.diag(self.covariance)[self.knots.size :])
-
-    @property
-    def peak_N(self) -> float:
-        """Largest force."""
-        return float(max(np.max(np.abs(self.in_N)), np.max(np.abs(self.out_N))))
-
-    @property
-    def varies(self) -> bool:
-        """True unless the force is a constant one to what a curve is known."""
-        force = np.concatenate([self.in_N, self.out_N])
-        return float(np.ptp(force)) > _CONSTANT * self.peak_N
-
-    def undetermined(self, growing: bool = True) -> BoolArray:
-        """(k,) mask of the knots whose force the record does not determine."""
-        sigma = self.in_sigma_N if growing else self.out_sigma_N
-        return np.asarray(sigma > _DETERMINED * self.peak_N)
-
-    def load(self) -> ForceCurve:
-        """Return the law as a load of a machine."""
-        down, up = (tuple(np.round(each, 3).tolist()) for each in (self.in_N, self.out_N))
-        knots, speed = tuple(np.round(self.knots, 8).tolist()), self.at_speed_rad_s if self.speed_power else None
-        return ForceCurve(self.name, self.measure, knots, down, up, speed_power=self.speed_power, at_speed_rad_s=speed)
-
-    def work_J(self) -> tuple[float, float, float, float]:
-        """Work against the force on the way in and on the way out, each with its standard deviation [J]."""
-        width = np.diff(self.knots, prepend=self.knots[0], append=self.knots[-1])
-        share = 0.5 * (width[:-1] + width[1:])
-        found = []
-        for k, force in enumerate((self.in_N, self.out_N)):
-            part = slice(k * share.size, (k + 1) * share.size)
-            found += [float(share @ force), math.sqrt(max(float(share @ self.covariance[part, part] @ share), 0.0))]
-        return found[0], found[1], found[2], found[3]
 
 
 @dataclass(frozen=True)
@@ -310,7 +243,7 @@ class _Law:
     def at_scale(self, like: Fit) -> float:
         """Log evidence with the scale and inflation of another fit, so that laws can be compared."""
         fit = map_fit(self.m, self.hypothesis, self.fit.x, self.off_nominal, inflation=like.inflation, scale=like.scale)
-        return QuadraticEvidence(self.m, fit, fit.inflation)(self.off_nominal) + fit.log_likelihood
+        return self._log_evidence(fit, self.off_nominal)
 
     def choose_power(self) -> None:
         """Let the force grow with a power of the speed if that is clearly likelier."""
@@ -319,7 +252,7 @@ class _Law:
         for power in powers:
             before, self.model.power = self.model.power, power
             fit = map_fit(self.m, self.hypothesis, like.x, self.off_nominal, inflation=like.inflation, scale=like.scale)
-            value = QuadraticEvidence(self.m, fit, fit.inflation)(self.off_nominal) + fit.log_likelihood
+            value = self._log_evidence(fit, self.off_nominal)
             if value > best:
                 best, self.fit = value, fit
             else:
@@ -347,7 +280,8 @@ class _Law:
             self._renew(record)
             fit = map_fit(self.m, self.hypothesis, fit.x, self.off_nominal, iterations=_LAST)
             fit = self._freed(fit, _LAST)
-        value = QuadraticEvidence(self.m, fit, fit.inflation)(self.off_nominal) + fit.log_likelihood
+        fit = self._without_bodies(fit)
+        value = self._log_evidence(fit, self.off_nominal)
         choice = Choice(self.off_nominal, value, tuple(self.choice.rivals))
         posterior = Posterior(
             self.m.linearised(fit.x, self.off_nominal), self.plain.configured, fit, choice, value, self.plain.others
@@ -372,6 +306,27 @@ class _Law:
         return fit_with_prior_update(
             self.m, self.hypothesis, fit.x, self.off_nominal, iterations=iterations, relinearise=True
         )
+
+    def _without_bodies(self, fit: Fit) -> Fit:
+        """Fit without departures of bodies and the gain that makes up for them beside a law, if that is likelier.
+
+        Gain times law is not linear, so that the quadratic form of a fit does not show it.
+        """
+        bodies = {p.name for p in self.known if p.kind in OF_BODIES} & self.off_nominal
+        if not bodies:
+            return fit
+        plain = self.off_nominal - bodies - {GAIN}
+        x, moved = fit.x.copy(), [self.m.place[name] for name in self.off_nominal - plain]
+        x[moved] = self.m.nominal[moved]
+        other = fit_with_prior_update(
+            self.m, self.hypothesis, x, plain, inflation=fit.inflation, scale=fit.scale, relinearise=True
+        )
+        if self._log_evidence(other, plain) > self._log_evidence(fit, self.off_nominal):
+            fit, self.off_nominal = other, plain
+        return fit
+
+    def _log_evidence(self, fit: Fit, off_nominal: Departures) -> float:
+        return QuadraticEvidence(self.m, fit, fit.inflation)(off_nominal) + fit.log_likelihood
 
     def _missed(self, fit: Fit) -> float:
         """Return by how much a straight line between the knots misses the law at most, over its peak."""
@@ -462,27 +417,6 @@ class _Law:
         starts = {frozenset[str](), *(() if is_one(m, self.off_nominal) else (self.off_nominal,))}
         self.choice = max((choose(m, reduced, fit.inflation, s) for s in starts), key=lambda each: each.log_evidence)
         return self.choice.off_nominal
-
-
-def learned(posterior: Posterior, fit: Fit | None = None) -> LearnedCurve:
-    """Return the force law of a posterior of `learn_curve`, from its own fit or another one of its parameters."""
-    model = posterior.measurement.model
-    assert isinstance(model, CurvedTorque)
-    fit = fit or posterior.fit
-    k = [posterior.measurement.place[name] for name in model.names]
-    forces = model.spread @ fit.x[k]
-    covariance = model.spread @ fit.covariance[np.ix_(k, k)] @ model.spread.T
-    place, way = model.place, model.knots.size
-    return LearnedCurve(
-        place.name, place.measure, model.knots, forces[:way], forces[way:], covariance, model.power, model.speed_rad_s
-    )
-
-
-def curve_and(name: str, posterior: Posterior, fit: Fit) -> FloatArray:
-    """Return the covariance (2k,) of the forces with another parameter."""
-    m = posterior.measurement
-    assert isinstance(m.model, CurvedTorque)
-    return np.asarray(m.model.spread @ fit.covariance[[m.place[each] for each in m.model.names], m.place[name]])
 
 
 def _in_root(fit: Fit, begin: int, turn: FloatArray) -> Fit:

@@ -12,7 +12,7 @@ import rerun as rr
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.dynamics.loads import ForceCurve
 from textile_twin_core.dynamics.loads.force_curve import POSITION
-from textile_twin_core.inference.force_law import LearnedCurve
+from textile_twin_core.inference.learned_curve import LearnedCurve
 from textile_twin_core.twin import compile_machine
 from textile_twin_core.views import palette
 from textile_twin_core.views.angle_canvas import RESIDUAL_SIZE, AngleCanvas, canvas_for, round_ticks

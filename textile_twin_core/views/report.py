@@ -22,7 +22,7 @@ from textile_twin_core.comparison import Comparison, agrees_with_file, summary_r
 from textile_twin_core.comparison.orders import OrderMap
 from textile_twin_core.driveline import Resonances, elastic_shaft, find_resonances
 from textile_twin_core.errors import RecordingError
-from textile_twin_core.inference.force_law import LearnedCurve
+from textile_twin_core.inference.learned_curve import LearnedCurve
 from textile_twin_core.machine import Machine
 from textile_twin_core.views import paper
 from textile_twin_core.views.orders_picture import comparison_orders, orders_figure
