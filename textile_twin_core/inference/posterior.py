@@ -24,7 +24,7 @@ from textile_twin_core.inference.evidence import (
     is_one,
     undeclared_filters,
 )
-from textile_twin_core.inference.filter_scan import likely_filters
+from textile_twin_core.inference.filter_scan import HOPEFUL, likely_filters
 from textile_twin_core.inference.map_fit import Fit, fit_with_prior_update, map_fit
 from textile_twin_core.inference.measurement import Hypothesis, Measurement
 from textile_twin_core.inference.parameter import (
@@ -54,8 +54,6 @@ IMPLAUSIBLE_NATS = 30.0
 """Prior cost of the departures above which another machine is likelier."""
 _MOST_FILTERS, _FITTED_FILTERS = 2, 2
 """Most filters in a chain, and number of candidates that are fitted for each."""
-_WORTH_NATS = 6.0
-"""Gain of log likelihood in the scan below which no filter is fitted: its odds and width cost as much."""
 _BLOCKED_MEAN = 0.8
 """Share of the torque's variance below which a sensor that blocks the mean is a hypothesis."""
 _CLEARLY = 0.5
@@ -287,9 +285,7 @@ def _with_filters(found: Posterior, measurement: Measurement) -> Posterior:
             x[moved] = measurement.nominal[moved]
             fit = fit_with_prior_update(measurement, found.hypothesis, x, plain, relinearise=True)
         # departures of bodies can be the rest of a filter
-        hopeful, most = math.inf, len(FILTERS)
-        if plain == found.off_nominal:
-            hopeful, most = math.exp(-2.0 * _WORTH_NATS * fit.inflation / max(fit.count, 1)), _FITTED_FILTERS
+        hopeful, most = (HOPEFUL, _FITTED_FILTERS) if plain == found.off_nominal else (math.inf, len(FILTERS))
         likely = likely_filters(measurement.linearised(fit.x, plain), fit, hopeful)
         start = fit.x
         for name, value, late in likely[:most]:
