@@ -56,7 +56,7 @@ _MOST_FILTERS, _FITTED_FILTERS = 2, 2
 """Most filters in a chain, and number of candidates that are fitted for each."""
 _BLOCKED_MEAN = 0.8
 """Share of the torque's variance below which a sensor that blocks the mean is a hypothesis."""
-_CLEARLY = 0.5
+_CLEARLY = 0.8
 """Unexplained share, over that without a high pass, below which its departures are searched."""
 _HYPOTHESES, _AS_GOOD = 3, 0.01
 """Number of discrete hypotheses to search while all are implausible; share of variance that a later one may lack."""
@@ -188,7 +188,8 @@ def infer(
     # means over whole turns show no filter; beside an elastic shaft none is searched
     filtered = measurement.model.depends_on_angle() and record.predicted is None
     chain: list[Posterior] | None = None
-    if filtered and _is_surprising(_likeliest(unsearched)):
+    # a motion that is uncertain may itself read as a filter
+    if filtered and not unsearched.is_motion_uncertain and _is_surprising(_likeliest(unsearched)):
         chain = _chains(moved.on(dense).with_starts(), configured, plain)
         if chain and chain[0].log_evidence > _bound(unsearched, chain[0]):
             return chain[0]
