@@ -63,16 +63,16 @@ def test_what_cannot_be_judged_is_said_in_one_line(
     for name, part in (("still", still), ("short", short), ("hour", hour), ("alone", made)):
         bag = write(tmp_path / name, part, torque=name != "alone")
         code = run(command, bag, tmp_path)
-        told = capsys.readouterr()
+        shown = capsys.readouterr()
         assert not (tmp_path / "made.yaml").exists()
         if command == "compare" and name in ("still", "short"):
             # Errors are defined for any two torques, but a delay or a cause is not.
             found = json.loads((tmp_path / "found.json").read_text())
             assert code == 0 and found["verdict"] == [] and found["torque"]["delay_s"] == 0.0
-            assert words[name] in told.out and "nothing can be determined" in told.out and "clocks" not in told.out
+            assert words[name] in shown.out and "nothing can be determined" in shown.out and "clocks" not in shown.out
             continue
-        assert code == 2, (name, told.err)
-        assert told.err.count("\n") == 1 and words[name] in told.err, (name, told.err)
+        assert code == 2, (name, shown.err)
+        assert shown.err.count("\n") == 1 and words[name] in shown.err, (name, shown.err)
 
 
 @pytest.mark.campaign
