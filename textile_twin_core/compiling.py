@@ -41,6 +41,7 @@ if numba is not None and not os.environ.get("TEXTILE_TWIN_PLAIN_NUMBA"):
         from textile_twin_core import numba_internals as internals
 with suppress(ImportError):  # of numba's own cache; where they are missing, nothing is cached
     from numba.core.compiler import CompileResult
+    from numba.core.runtime import rtsys
     from numba.core.serialize import dumps
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -183,10 +184,13 @@ class _ContentCache:
         return str(cache_directory())
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Load the compiled function for a signature; None where there is no usable entry."""
-        target_context.refresh()
+        """Load the compiled function for a signature; None where there is no usable entry.
+
+        Needs numba's runtime alone: `refresh`, as numba's own caches call it, also imports all that compiles.
+        """
         try:
             data = self._path(sig, target_context.codegen()).read_bytes()
+            rtsys.initialize(target_context)
             return CompileResult._rebuild(target_context, *pickle.loads(data))
         except FileNotFoundError:
             return None

@@ -195,6 +195,14 @@ def _read_parquet(path: Path) -> pyarrow.Table:
         raise MotionError(f"{path}: not a Parquet table of numbers: {first}") from error
 
 
+def _column(values: FloatArray) -> pyarrow.Array:
+    """Make a column without a copy; `pyarrow.array` would import pandas where it is installed."""
+    import pyarrow
+
+    floats = np.ascontiguousarray(values, np.float64)
+    return pyarrow.Array.from_buffers(pyarrow.float64(), floats.size, [None, pyarrow.py_buffer(floats)])
+
+
 def write_table(
     path: str | Path, columns: Mapping[str, FloatArray], progress: Callable[[int], object] | None = None
 ) -> None:
@@ -230,7 +238,7 @@ def write_table(
     import pyarrow.parquet
 
     with staged(path) as partial:
-        table = pyarrow.table({name: pyarrow.array(np.ascontiguousarray(values)) for name, values in columns.items()})
+        table = pyarrow.table({name: _column(values) for name, values in columns.items()})
         if path.suffix == ".parquet":
             pyarrow.parquet.write_table(table, partial)
             return

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
 from textile_twin_core.expression import Expr, const, derivative, substitute, variable
 from textile_twin_core.expression.loop import Loop
@@ -95,8 +94,14 @@ def crossings(level: Expr, range_rad: tuple[float, float] = FULL_TURN) -> tuple[
 
 
 def _root(function: Callable[[float], float], low: float, high: float) -> float:
+    """Bisect to neighbouring numbers: as exact as Brent's method, without the import of an optimiser at every start."""
     at_low, at_high = function(low), function(high)
     if at_low * at_high >= 0.0:  # one end is the root to rounding
         return low if abs(at_low) <= abs(at_high) else high
-    root: float = scipy.optimize.brentq(function, low, high, xtol=1e-300, rtol=4.0 * np.finfo(float).eps)
-    return root
+    while low < (middle := 0.5 * (low + high)) < high:
+        at_middle = function(middle)
+        if at_middle * at_low > 0.0:
+            low, at_low = middle, at_middle
+        else:
+            high, at_high = middle, at_middle
+    return low if abs(at_low) <= abs(at_high) else high
