@@ -15,7 +15,7 @@ from textile_twin_core.inference.curved_torque import CurvedTorque, is_reached, 
 from textile_twin_core.inference.evidence import QuadraticEvidence
 from textile_twin_core.inference.filter_scan import likely_filters
 from textile_twin_core.inference.force_law import SENSORS as LAW_SENSORS
-from textile_twin_core.inference.force_law import WHITE, CurvePosterior, likely_curve
+from textile_twin_core.inference.force_law import CurvePosterior, likely_curve
 from textile_twin_core.inference.learned_curve import LearnedCurve, curve_and, learned
 from textile_twin_core.inference.map_fit import Fit, map_fit
 from textile_twin_core.inference.measurement import Hypothesis
@@ -110,7 +110,7 @@ class ForceLaws:
                 # a filter is searched after the departures, on samples at an even rate
                 return nested if p.hypothesis.filters == unsearched.hypothesis.filters else None
             likelier = p.log_evidence + _LOG_ODDS > bound.log_likelihood
-            if likelier and fit.inflation < WHITE and self._holds(p, _TRIED):
+            if likelier and law.is_white and self._holds(p, _TRIED):
                 return p
         return None
 

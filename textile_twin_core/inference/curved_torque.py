@@ -229,14 +229,16 @@ class CurvedTorque(TabulatedTorque):
                 inside = ndtr(away)
                 # by the usual force: one that is not found yet would hide an edge
                 variance = variance + (lever * self.place.size_N) ** 2 * inside * (1.0 - inside)
-                density = lever * np.exp(-0.5 * away**2) / (2.5066282746 * width)
-                bumps += np.where(grows, density, 0.0), np.where(grows, 0.0, density)
             at = np.clip(place, knots[0], knots[-1])
             left = np.clip(np.searchsorted(knots, at, side="right") - 1, 0, k - 2)
             within = (at - knots[left]) / (knots[left + 1] - knots[left])
             begin = left + np.where(grows, 0, k)
             first, second = lever * inside * (1.0 - within), lever * inside * within
             torque = torque + first * forces[begin] + second * forces[begin + 1]
+            if edge:
+                force = (1.0 - within) * forces[begin] + within * forces[begin + 1]
+                moved = lever * force * np.exp(-0.5 * away**2) / (2.5066282746 * width)
+                bumps -= np.where(grows, moved, 0.0), np.where(grows, 0.0, moved)
             variance = variance + (first * self.missed[begin] + second * self.missed[begin + 1]) ** 2
             if rotated is not None:
                 on = np.flatnonzero(inside)
@@ -245,7 +247,7 @@ class CurvedTorque(TabulatedTorque):
         if rotated is not None:
             out |= {name: rotated[:, c] for c, name in enumerate(self.names)}
             if edge:
-                out |= {EDGES[0]: -forces[0] * bumps[0], EDGES[1]: -forces[k] * bumps[1]}
+                out |= dict(zip(EDGES, bumps, strict=True))
         return Torque(torque, out, variance, found.by_omega, found.by_alpha)
 
     def _between(self, theta: FloatArray) -> tuple[IntArray, FloatArray]:

@@ -12,6 +12,7 @@ References:
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Final, Literal
@@ -20,15 +21,24 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.inference.curved_torque import EDGES, FEWEST_KNOTS, CurvedTorque, Place, measured, places_of
-from textile_twin_core.inference.evidence import OF_BODIES, Choice, Departures, QuadraticEvidence, choose, is_one
+from textile_twin_core.inference.evidence import (
+    EQUIVALENT_NATS,
+    OF_BODIES,
+    Choice,
+    Departures,
+    QuadraticEvidence,
+    choose,
+    is_one,
+)
 from textile_twin_core.inference.filter_scan import likely_filters
 from textile_twin_core.inference.learned_curve import LearnedCurve, learned
-from textile_twin_core.inference.map_fit import Fit, fit_with_prior_update, map_fit, prior_variance
+from textile_twin_core.inference.map_fit import Fit, fit_with_prior_update, inflations, map_fit, prior_variance, weigh
 from textile_twin_core.inference.measurement import Hypothesis, Measurement
 from textile_twin_core.inference.parameter import (
     COULOMB,
     CURVE,
     DELAY,
+    ECCENTRIC,
     EDGE,
     GAIN,
     HIGH_PASS,
@@ -74,7 +84,7 @@ these reduce it unless the law steps there."""
 _ROUNDS, _SETTLING, _REFINED = 4, 2, 2
 _ITERATIONS, _SOME, _LAST = 15, 10, 3
 """Most iterations of a fit, of one near its end, and of those of all samples from that of a part of them on."""
-WHITE: Final = 1.5
+_WHITE: Final = 1.5
 """Inflation of the residual below which a law leaves noise alone."""
 _FILTERED: Final = 2
 """Most filters of the torque sensor that are fitted beside a law."""
@@ -88,10 +98,11 @@ SENSORS: Final = frozenset((ZERO, DELAY, GAIN, OFFSET, COULOMB, VISCOUS))
 
 @dataclass(frozen=True)
 class CurvePosterior:
-    """Posterior of a record under a force law: the usual posterior, and the law."""
+    """Posterior of a record under a force law: the usual posterior, the law, and whether it leaves noise alone."""
 
     posterior: Posterior
     curve: LearnedCurve
+    is_white: bool
 
 
 def learn_curve(plain: Posterior, machine: Machine, place: Place) -> CurvePosterior:
@@ -129,7 +140,7 @@ def likely_curve(
     best = max(laws, key=lambda each: each.at_scale(smallest)) if len(laws) > 1 else laws[0]
     power = best.model.power
     found = None if best.explained < least else best.finish(record)
-    if runs is None or plain.hypothesis.filters or (found is not None and found.posterior.fit.inflation < WHITE):
+    if runs is None or plain.hypothesis.filters or (found is not None and found.is_white):
         return found
     begun = _Law(plain, machine, best.place, few)
     begun.model.power = power
@@ -142,7 +153,7 @@ def likely_curve(
     for law in sorted(tried, key=lambda each: each.fit.rms):
         if law.explained > least:
             filtered = law.finish(runs)
-            return filtered if filtered.posterior.fit.inflation < WHITE else found
+            return filtered if filtered.is_white else found
     return found
 
 
@@ -165,6 +176,8 @@ class _Law:
         self.knots = np.linspace(place.begin, place.end, _count(machine, place, record))
         self.hyper = _FIRST
         self.off_nominal: Departures = frozenset()
+        self.inflation = 0.0
+        self._bodies = frozenset(p.name for p in self.known if p.kind in OF_BODIES)
         self._renew(self.record)
 
     def _renew(self, record: Record) -> None:
@@ -276,17 +289,21 @@ class _Law:
             fit, same = self._round(fit)
             if same:
                 break
+        usual = fit
         if some is not record:
             self._renew(record)
-            fit = map_fit(self.m, self.hypothesis, fit.x, self.off_nominal, iterations=_LAST)
-            fit = self._freed(fit, _LAST)
-        fit = self._without_bodies(fit)
+            # departures are chosen about a fit in which those of the sensors are found
+            wide = self.off_nominal | (SENSORS | set(ECCENTRIC)) & set(self.m.names)
+            usual = map_fit(self.m, self.hypothesis, fit.x, wide, iterations=_ITERATIONS)
+            self.inflation = self._widest(usual)
+            fit = map_fit(self.m, self.hypothesis, usual.x, wide, iterations=_LAST, inflation=self.inflation)
+            fit = self._freed(fit, _SOME)
         value = self._log_evidence(fit, self.off_nominal)
-        choice = Choice(self.off_nominal, value, tuple(self.choice.rivals))
+        choice = Choice(self.off_nominal, value, self.rivals)
         posterior = Posterior(
             self.m.linearised(fit.x, self.off_nominal), self.plain.configured, fit, choice, value, self.plain.others
         )
-        return CurvePosterior(posterior, learned(posterior))
+        return CurvePosterior(posterior, learned(posterior), usual.inflation < _WHITE)
 
     def _held(self, x: FloatArray, iterations: int) -> Fit:
         """Fit with the edges held, which a wrong zero would carry along."""
@@ -300,30 +317,46 @@ class _Law:
         return self._freed(fit, _ITERATIONS), before == self.off_nominal and not moved
 
     def _freed(self, fit: Fit, iterations: int) -> Fit:
-        """Choose the departures from the file and fit again."""
-        self.model.expect_bends(fit.x[len(self.known) :])
-        self.off_nominal = self._departures(fit)
-        return fit_with_prior_update(
-            self.m, self.hypothesis, fit.x, self.off_nominal, iterations=iterations, relinearise=True
-        )
+        """Choose the departures from the file and fit again, without bodies unless they are clearly likelier.
 
-    def _without_bodies(self, fit: Fit) -> Fit:
-        """Fit without departures of bodies and the gain that makes up for them beside a law, if that is likelier.
-
-        Gain times law is not linear, so that the quadratic form of a fit does not show it.
+        The quadratic form of a fit is not enough: gain times law is not linear, nor is an edge that an angle moves.
         """
-        bodies = {p.name for p in self.known if p.kind in OF_BODIES} & self.off_nominal
-        if not bodies:
-            return fit
-        plain = self.off_nominal - bodies - {GAIN}
-        x, moved = fit.x.copy(), [self.m.place[name] for name in self.off_nominal - plain]
-        x[moved] = self.m.nominal[moved]
-        other = fit_with_prior_update(
-            self.m, self.hypothesis, x, plain, inflation=fit.inflation, scale=fit.scale, relinearise=True
+        self.model.expect_bends(fit.x[len(self.known) :])
+        plain, every = (self._departures(fit, nominal) for nominal in (OF_BODIES, ()))
+        fits = list[tuple[float, Fit, Departures]]()
+        for off_nominal in dict.fromkeys([plain.off_nominal, every.off_nominal]):
+            x = fit.x.copy()
+            moved = [self.m.place[p.name] for p in self.known if p.kind in OF_BODIES and p.name not in off_nominal]
+            x[moved] = self.m.nominal[moved]
+            found = fit_with_prior_update(
+                self.m,
+                self.hypothesis,
+                x,
+                off_nominal,
+                iterations=iterations,
+                inflation=fit.inflation,
+                scale=fit.scale,
+                relinearise=True,
+            )
+            margin = 0.0 if self._bodies.isdisjoint(off_nominal) else EQUIVALENT_NATS
+            fits.append((self._log_evidence(found, off_nominal) - margin, found, off_nominal))
+        _, found, self.off_nominal = max(fits, key=lambda each: each[0])
+        self.rivals = (plain if self._bodies.isdisjoint(self.off_nominal) else every).rivals
+        return map_fit(
+            self.m,
+            self.hypothesis,
+            found.x,
+            self.off_nominal,
+            iterations=_LAST,
+            inflation=self.inflation,
+            relinearise=True,
         )
-        if self._log_evidence(other, plain) > self._log_evidence(fit, self.off_nominal):
-            fit, self.off_nominal = other, plain
-        return fit
+
+    def _widest(self, fit: Fit) -> float:
+        """Largest inflation of the scores: the law takes in the errors of those parameters that look like a force."""
+        near = self.m.linearised(fit.x, self.off_nominal)
+        variance = prior_variance(self.m, self.off_nominal, fit.x)
+        return float(np.max(inflations(self.m, weigh(near, self.hypothesis, fit.x, variance, 1.0, 0.0))))
 
     def _log_evidence(self, fit: Fit, off_nominal: Departures) -> float:
         return QuadraticEvidence(self.m, fit, fit.inflation)(off_nominal) + fit.log_likelihood
@@ -400,8 +433,8 @@ class _Law:
         back = np.linalg.inv(root)
         return back.T @ precision @ back, back.T @ (side[n:] - a[n:, :n] @ inner[:, -1])
 
-    def _departures(self, fit: Fit) -> Departures:
-        """Choose the departures from the file, with the law's coefficients integrated out."""
+    def _departures(self, fit: Fit, nominal: Collection[str]) -> Choice:
+        """Choose the departures from the file but those of some kinds, with the law's coefficients integrated out."""
         n = len(self.known)
         a, g = fit.information / fit.inflation, fit.gradient / fit.inflation
         inner = np.linalg.solve(a[n:, n:] + np.eye(a.shape[0] - n), np.column_stack([a[n:, :n], g[n:] - fit.x[n:]]))
@@ -412,11 +445,12 @@ class _Law:
             gradient=(g[:n] - a[:n, n:] @ inner[:, n]) * fit.inflation,
             covariance=fit.covariance[:n, :n],
         )
-        m = Measurement(self.m.record, self.model, self.known, self.m.working_torque_Nm)
+        known = tuple(replace(p, probability=0.0) if p.kind in nominal else p for p in self.known)
+        m = Measurement(self.m.record, self.model, known, self.m.working_torque_Nm)
+        possible = self.off_nominal & {p.name for p in known if p.may_depart}
         # from the sensors on alone: a gain beside a mass that makes up for it would stay
-        starts = {frozenset[str](), *(() if is_one(m, self.off_nominal) else (self.off_nominal,))}
-        self.choice = max((choose(m, reduced, fit.inflation, s) for s in starts), key=lambda each: each.log_evidence)
-        return self.choice.off_nominal
+        starts = {frozenset[str](), *(() if is_one(m, possible) else (possible,))}
+        return max((choose(m, reduced, fit.inflation, s) for s in starts), key=lambda each: each.log_evidence)
 
 
 def _in_root(fit: Fit, begin: int, turn: FloatArray) -> Fit:

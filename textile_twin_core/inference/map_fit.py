@@ -164,7 +164,7 @@ def map_fit(
             damping = max(10.0 * damping, 1e-3)
         if converged or damping > _MOST_DAMPING:
             break
-    used = inflation or float(np.median(_ratios(measurement, here)))
+    used = inflation or float(np.median(inflations(measurement, here)))
     away = x - measurement.nominal
     information = here.information + used * here.standing
     covariance = np.asarray(np.linalg.inv(information / used + np.diag(1.0 / variance)))
@@ -311,7 +311,7 @@ def _step(
     return step
 
 
-def _ratios(measurement: Measurement, here: Weighed) -> FloatArray:
+def inflations(measurement: Measurement, here: Weighed) -> FloatArray:
     """Variance of the scores per turn over that of independent samples, by parameter, at least that of white noise.
 
     Scores of the same sector in all turns are summed, too: an error that repeats in every turn, as of the acceleration
