@@ -14,7 +14,7 @@ from tests.generators.mill_recordings import Case, Encoder, TorqueSensor, health
 from textile_twin_core.comparison import Assessment, Readings, assess, calibrate
 from textile_twin_core.comparison.torque_readings import fresh_readings, time_lines
 from textile_twin_core.inference.chain import EvenGrid, torque_filter
-from textile_twin_core.inference.parameter import DELAY, FILTERS, GAIN, ZERO, gain_factor
+from textile_twin_core.inference.parameter import DELAY, FILTERS, GAIN, LOW_PASS, ZERO, gain_factor
 
 FORCE = "loads.backing.force_N"
 CHAINS: dict[str, tuple[Encoder, TorqueSensor, str, float]] = {
@@ -122,6 +122,17 @@ def test_a_loom_whose_smooth_torque_hardly_shows_the_filter(torque: TorqueSensor
     assert found.found is not None
     p = found.found.posterior
     assert p.value(DELAY) == pytest.approx(torque.delay_s, abs=3.5 * p.sigma(DELAY))
+
+
+@pytest.mark.slow
+def test_a_filter_that_a_smooth_torque_hardly_tells_from_a_delay_is_said_beside_it() -> None:
+    """A first order of 5 ms and 1 ms of delay, which a loom shows as 6 ms of delay."""
+    torque = TorqueSensor(delay_s=0.0011, low_pass_hz=32.0, low_pass_order=1)
+    named = {each.cause: each for each in judged(healthy("loom", 43, torque=torque)).verdict}
+    assert not {*NO_PART, "torque_low_pass"} & set(named)
+    delay = named["delay"]
+    assert delay.value == pytest.approx(0.0011 + 1.0 / (64.0 * math.pi), abs=3.5 * delay.sigma)
+    assert LOW_PASS in delay.equivalents
 
 
 @pytest.mark.slow

@@ -35,8 +35,9 @@ from textile_twin_core.inference.measurement import Hypothesis
 from textile_twin_core.inference.parameter import (
     DELAY,
 )
-from textile_twin_core.inference.posterior import Posterior, infer
+from textile_twin_core.inference.posterior import Posterior
 from textile_twin_core.inference.record import Ripple
+from textile_twin_core.inference.record_posterior import infer
 from textile_twin_core.inference.starts import RATIOS
 from textile_twin_core.inference.torque_model import TabulatedTorque
 from textile_twin_core.machine import Machine

@@ -170,7 +170,8 @@ def _delay(found: Judged, name: str) -> Cause:
     text = f"the torque lags by {size} {'more' if away >= 0.0 else 'less'} than the machine file says"
     if found.sensors.delay_s < 0.0:
         text += ", so it leads: stamped too early, or commanded and not measured"
-    return Cause("delay", text + _or_inertia(found, away), away, sigma, DELAY, p.equivalents(DELAY))
+    other, more = _equivalents(found, DELAY)
+    return Cause("delay", text + _or_inertia(found, away) + more, away, sigma, DELAY, other)
 
 
 def _or_inertia(found: Judged, delay_s: float) -> str:

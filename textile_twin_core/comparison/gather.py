@@ -14,7 +14,7 @@ from textile_twin_core.comparison.readings import FEWEST_TURNS, AngleUnit, Readi
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack, shaft_track
 from textile_twin_core.comparison.slips import parts_between, slips_of, without_turns
 from textile_twin_core.comparison.standstill import standstills
-from textile_twin_core.comparison.torque_readings import fresh_readings, stuck_readings
+from textile_twin_core.comparison.torque_readings import fresh_readings, step_of, stuck_readings
 from textile_twin_core.inference.measurement import Hypothesis
 from textile_twin_core.inference.parameter import FILTERS
 from textile_twin_core.inference.priors import chain_parameters
@@ -180,4 +180,5 @@ def record_of(
         evidence.encoder_turn_rad / TURN,
         evidence.ripple,
         evidence.predicted,
+        step_of(turning.torque_Nm),
     )

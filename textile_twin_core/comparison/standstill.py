@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from textile_twin_core.arrays import FloatArray
 from textile_twin_core.comparison.evidence import Evidence
+from textile_twin_core.comparison.torque_readings import step_of
 from textile_twin_core.inference.record import Standstill
 from textile_twin_core.inference.robust import robust_scale
 
@@ -33,7 +33,7 @@ def standstills(evidence: Evidence) -> tuple[Standstill, ...]:
     theta, omega, _, good = evidence.track.at(evidence.time_s)
     still = good & (np.abs(omega) < 0.1 * evidence.slow_rad_s)
     time, torque, theta = evidence.time_s[still], evidence.torque_Nm[still], theta[still]
-    step, least = _step(evidence.torque_Nm), _TABULATED * float(np.ptp(evidence.torque_Nm)) + 1e-12
+    step, least = step_of(evidence.torque_Nm), _TABULATED * float(np.ptp(evidence.torque_Nm)) + 1e-12
     found = []
     for part in np.split(np.arange(time.size), np.flatnonzero(np.diff(time) > _APART_S) + 1):
         if part.size < _FEWEST:
@@ -49,9 +49,3 @@ def standstills(evidence: Evidence) -> tuple[Standstill, ...]:
         sigma = math.hypot(sigma, step / math.sqrt(12.0))
         found.append(Standstill(float(np.median(time[part])), value, max(sigma, least)))
     return tuple(found)
-
-
-def _step(torque_Nm: FloatArray) -> float:
-    """Resolution of the torque sensor [N m]; 0 where values hardly repeat."""
-    values = np.unique(torque_Nm)
-    return float(np.median(np.diff(values))) if 1 < values.size < 0.5 * torque_Nm.size else 0.0

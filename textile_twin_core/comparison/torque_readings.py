@@ -57,6 +57,12 @@ def fresh_readings(time_s: FloatArray, torque_Nm: FloatArray) -> BoolArray:
     return new if long <= _REGULAR * short else every
 
 
+def step_of(torque_Nm: FloatArray) -> float:
+    """Resolution of the torque sensor [N m]; 0 where values hardly repeat."""
+    values = np.unique(torque_Nm)
+    return float(np.median(np.diff(values))) if 1 < values.size < 0.5 * torque_Nm.size else 0.0
+
+
 def stuck_readings(torque_Nm: FloatArray, turned_rad: FloatArray) -> BoolArray:
     """Mask (m,) of the readings that stay equal while the shaft turns, as of a sensor or a driver that stopped.
 

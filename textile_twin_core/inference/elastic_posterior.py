@@ -17,8 +17,9 @@ from textile_twin_core.inference.elastic_torque import DAMPING, OF_SHAFT, STIFFN
 from textile_twin_core.inference.map_fit import map_fit
 from textile_twin_core.inference.measurement import Hypothesis, Measurement
 from textile_twin_core.inference.parameter import BESIDE, DELAY, GAIN, OFFSET, ZERO
-from textile_twin_core.inference.posterior import Posterior, infer, measurement_of
+from textile_twin_core.inference.posterior import Posterior
 from textile_twin_core.inference.record import Record
+from textile_twin_core.inference.record_posterior import infer, measurement_of
 from textile_twin_core.inference.starts import hypotheses
 
 TURN = 2.0 * math.pi

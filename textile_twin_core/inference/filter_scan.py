@@ -49,42 +49,47 @@ def likely_filters(measurement: Measurement, fit: Fit, hopeful: float = HOPEFUL)
     (theta, omega, alpha, good), _ = m.states(hypothesis, v)
     good = good & (np.abs(omega) > 0.6 * m.record.slow_rad_s * abs(hypothesis.turn))
     forces = [p.name for p in m.parameters if p.kind == "force"]
-    found = m.model.torque(v, (theta, omega, alpha), m.model.table(v, m.about), forces)
-    columns = [found.torque_Nm, np.sign(omega), omega, alpha, *(found.slopes[name] for name in forces)]
+    nominal = m.model.torque(v, (theta, omega, alpha), m.model.table(v, m.about), forces)
+    later = np.gradient(nominal.torque_Nm)  # for delays between the shifts
+    columns = [nominal.torque_Nm, np.sign(omega), omega, alpha, later, *(nominal.slopes[name] for name in forces)]
     matrix = np.where(good, np.stack(columns), 0.0)
     shown = m.record.torque_Nm - fit.hypothesis.shown_offset(v[OFFSET])
     every = np.unique(np.linspace(0, shown.size - 1, _SAMPLES).astype(np.int64))
 
-    def square(values: dict[str, float]) -> tuple[float, float]:
-        """Mean square of the residual with these filters, and the change of the delay."""
+    def residual(values: dict[str, float]) -> tuple[FloatArray, float]:
+        """Residual at every chosen sample with these filters, nan where unknown, and the change of the delay."""
         chosen = torque_filter(values)
-        used = every[m.grid.settled(chosen, good)[every]]
+        known = m.grid.settled(chosen, good)[every]
+        used, best, late = every[known], np.full(every.size, math.nan), 0.0
         if used.size < _SAMPLES // 10:
-            return math.inf, 0.0
+            return best, late
         through = m.grid.through(chosen, matrix)
         lag = sum(GROUP_DELAY[name] * (values[name] - v[name]) for name in GROUP_DELAY)
-        best = math.inf, 0.0
         for shift in _SHIFTS_S.tolist():
             rows = m.grid.at_samples(through, shift - lag, used).T
             if HIGH_PASS in fit.hypothesis.filters or values[HIGH_PASS]:
                 rows = np.column_stack([rows, np.ones(used.size)])
-            best = min(best, (_residual(rows, shown[used]), shift - lag))
-        return best
+            other = _residual(rows, shown[used])
+            if not np.sum(other**2) >= np.sum(best[known] ** 2):
+                best[known], late = other, shift - lag
+        return best, late
 
-    without = square(dict(v))[0]
+    without = residual(dict(v))[0]
     out: dict[str, tuple[float, float, float]] = {}
     for name, value in _CANDIDATES:
         taken = fit.hypothesis.filters
         if name in taken or (name in _EXCLUSIVE and taken & _EXCLUSIVE):
             continue
-        reached, late = square({**v, name: value})
-        if reached < hopeful * without and (name not in out or reached < out[name][0]):
+        found, late = residual({**v, name: value})
+        both = np.isfinite(found) & np.isfinite(without)
+        reached = float(np.sum(found[both] ** 2) / max(np.sum(without[both] ** 2), 1e-300)) if both.any() else math.inf
+        if reached < hopeful and (name not in out or reached < out[name][0]):
             out[name] = reached, value, late
     return [(name, value, late) for name, (_, value, late) in sorted(out.items(), key=lambda each: each[1][0])]
 
 
-def _residual(matrix: FloatArray, side: FloatArray) -> float:
-    """Mean square that a least-squares fit leaves."""
+def _residual(matrix: FloatArray, side: FloatArray) -> FloatArray:
+    """Residual of a least-squares fit."""
     scaled = matrix / np.maximum(np.sqrt(np.mean(matrix**2, axis=0)), 1e-300)
     solved = np.linalg.lstsq(scaled, side, rcond=1e-9)[0]
-    return float(np.mean((side - scaled @ solved) ** 2))
+    return np.asarray(side - scaled @ solved)

@@ -17,7 +17,7 @@ from textile_twin_core.arrays import BoolArray, FloatArray, IntArray
 from textile_twin_core.inference.blocks import OVERLAP
 from textile_twin_core.inference.measurement import Expected, Hypothesis, Measurement
 from textile_twin_core.inference.parameter import COULOMB, DELAY, DRIFT, GAIN, ROTOR, ZERO
-from textile_twin_core.inference.robust import huber_loss, huber_weights, robust_scale
+from textile_twin_core.inference.robust import huber_loss, huber_weights
 
 TURN = 2.0 * np.pi
 _LONGEST = {ZERO: 0.15, DELAY: 0.01, DRIFT: 3e-4, GAIN: 0.7}
@@ -220,10 +220,10 @@ def weigh(
         known = seen.slopes
     assert known is not None
     usable = seen.good & np.isfinite(known.sum(axis=1))
-    error = record.torque_Nm - seen.torque_Nm
+    error, noise = measurement.error(seen)
     own = np.ones_like(error)
     if not record.block_s and seen.good.any():
-        own = 1.0 / (1.0 + (seen.sigma / (_BESIDE * robust_scale(error[seen.good]))) ** 2)
+        own = 1.0 / (1.0 + (seen.sigma / (_BESIDE * noise)) ** 2)
     averaged, good = measurement.means(np.stack([error, own, seen.theta], 1), usable)
     residual, own, theta = averaged.T
     slopes, _ = measurement.means(known, usable)
@@ -231,7 +231,7 @@ def weigh(
         residual, own, theta, slopes = residual[good], own[good], theta[good], slopes[good]
     if not scale:
         # averages over a step of the load scatter more but count in full: no robust scale there
-        scale = float(np.sqrt(np.mean(residual**2))) if record.block_s else robust_scale(residual)
+        scale = float(np.sqrt(np.mean(residual**2))) if record.block_s else noise
     weight = huber_weights(residual, scale) * own
     root = np.sqrt(weight)
     scaled = slopes * root[:, None]
@@ -265,7 +265,7 @@ def _cost(
     seen: Expected,
 ) -> float:
     """Cost at another place with the weights of this one, over their common samples; infinite with too few."""
-    columns, good = measurement.means((measurement.record.torque_Nm - seen.torque_Nm)[:, None], seen.good)
+    columns, good = measurement.means(measurement.error(seen)[0][:, None], seen.good)
     both = here.good & good
     count = np.count_nonzero(both)
     if count < _KEPT * np.count_nonzero(here.good):

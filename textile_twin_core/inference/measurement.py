@@ -31,6 +31,7 @@ from textile_twin_core.inference.parameter import (
     gain_factor,
 )
 from textile_twin_core.inference.record import Record
+from textile_twin_core.inference.robust import rms, robust_scale, rounding_bias
 from textile_twin_core.inference.torque_model import TabulatedTorque, Torque
 from textile_twin_core.machine.sensors import Sensors
 
@@ -45,6 +46,8 @@ _FILTER_STEP = 0.02
 _LEAST_FILTER = {LOW_PASS: 1e-3, BUTTERWORTH: 1e-3, HIGH_PASS: 0.05}
 _MOST_STARTS = 8
 """Most runs of a record whose first state of a high pass is estimated; of more, what settles within them counts."""
+_WILD = 3.0
+"""Scales of the residual beyond which a reading counts no more in its noise."""
 _GUARD_S, _UNCERTAIN = 1e-3, 1e-3
 """Time beside a step of the load within which its side is uncertain; share of the working torque that matters."""
 
@@ -359,6 +362,19 @@ class Measurement:
             good = good & (found.variance <= (_UNCERTAIN * self.working_torque_Nm) ** 2)
         gain = hypothesis.gain * gain_factor(v[GAIN])
         return self.record.torque_Nm - gain * torque - hypothesis.shown_offset(v[OFFSET]), good
+
+    def error(self, seen: Expected) -> tuple[FloatArray, float]:
+        """Return readings less their expected values (m,), which a rounding to a step shifts, and their scale."""
+        record = self.record
+        error = record.torque_Nm - seen.torque_Nm
+        scale = robust_scale(error[seen.good])
+        if record.step_Nm:
+            most, known = _WILD * scale, error[seen.good]
+            noise = rms(np.clip(known, -most, most))
+            error -= rounding_bias(seen.torque_Nm, float(record.torque_Nm[0]), record.step_Nm, noise)
+            # few readings differ much from what their rounding leaves: their median is not their scale
+            scale = rms(np.clip(error[seen.good], -most, most))
+        return error, scale
 
     def means(self, columns: FloatArray, good: BoolArray) -> tuple[FloatArray, BoolArray]:
         """Return values (m, k) at the samples, or their block averages, and a mask of the usable ones."""

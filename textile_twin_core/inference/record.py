@@ -60,6 +60,7 @@ class Record:
         shaft_per_encoder: turns of the motion's angle in a turn of the encoder.
         ripple: of the motion, and its uncertainty.
         predicted: torque of an elastic shaft, by its observer; None for a rigid one.
+        step_Nm: to which the torque is rounded; 0 where it is not.
     """
 
     time_s: FloatArray
@@ -75,6 +76,7 @@ class Record:
     shaft_per_encoder: float = 1.0
     ripple: Ripple = field(default_factory=lambda: Ripple())
     predicted: LinearisedTorque | None = None
+    step_Nm: float = 0.0
 
     def thinned(self, most: int) -> Record:
         """Return a copy with at most `most` samples, each by itself."""
