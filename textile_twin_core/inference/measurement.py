@@ -128,6 +128,11 @@ class Measurement:
         """Even grid of time on which the torque is filtered."""
         return EvenGrid(self.record.time_s, self.record.speed_rad_s)
 
+    @cached_property
+    def apart_s(self) -> float:
+        """Usual time between the record's samples [s]."""
+        return float(np.median(np.diff(self.record.time_s)))
+
     def with_starts(self) -> Measurement:
         """Return a copy with the state in which a high pass enters each run: none has settled before a run begins."""
         size, begin = self.working_torque_Nm, self.grid.begin_s
@@ -208,13 +213,29 @@ class Measurement:
             if len(self._motion) == _KEPT:
                 self._motion.clear()
             time = self.grid.time_s if hypothesis.filters else self.record.time_s
-            self._motion[key] = self.record.motion.at(time - delay - drift * (time - self.record.middle_s))
+            self._motion[key] = self._motion_at(time - delay - drift * (time - self.record.middle_s), hypothesis)
         *motion, good = self._motion[key]
         state: State = (motion[0], motion[1], motion[2])
         theta, omega, alpha = self.ripple.corrected(v, state)
         turn = hypothesis.turn
         shaft = turn * theta - hypothesis.zero_rad - v[ZERO] - zero_rad, turn * omega, turn * alpha, good
         return shaft, (*state, good)
+
+    def _motion_at(self, time_s: FloatArray, hypothesis: Hypothesis) -> States:
+        """Motion of the record at times (m,).
+
+        For averages, an acceleration gets what it lacks, within a sample to either side, of the second difference of
+        the angle: so its sums are second differences at the ends of a block, whatever is wrong with it at a step.
+        """
+        theta, omega, alpha, good = self.record.motion.at(time_s)
+        if self.record.block_s and not hypothesis.filters:
+            (before, _, first, known), (after, _, last, beside) = (
+                self.record.motion.at(time_s + way * self.apart_s) for way in (-1.0, 1.0)
+            )
+            lacking = (after - 2.0 * theta + before) / self.apart_s**2 - (first + 10.0 * alpha + last) / 12.0
+            alpha = np.where(known & beside, alpha + lacking, alpha)
+            good = good & known & beside
+        return theta, omega, alpha, good
 
     def expected(self, hypothesis: Hypothesis, x: FloatArray, slopes: bool = False) -> Expected:
         """Expected readings at the samples."""
@@ -276,12 +297,12 @@ class Measurement:
     def spread_rad(self, hypothesis: Hypothesis) -> float:
         """Shaft angle over which a step of the load is smeared; a filter smears it by itself.
 
-        In an average each sample stands for the time to its neighbours.
+        In an average each sample stands for the time to its neighbours, as its acceleration does.
         """
         speed = abs(hypothesis.turn * self.record.speed_rad_s)
         if hypothesis.filters:
             return GRID_SPREAD * self.grid.period_s * speed
-        apart = float(np.median(np.diff(self.record.time_s))) if self.record.block_s else 0.0
+        apart = 0.5 * self.apart_s if self.record.block_s else 0.0
         return max(self.model.coarse_rad, apart * speed)
 
     def _slopes(
