@@ -16,7 +16,9 @@ from textile_twin_core.inference.record import Ripple
 _MOST_SAMPLES = 8000
 REST_SHARE = 0.05
 """Share of the fast end of the speeds below which the shaft counts as standing still."""
-_BLOCKS_A_TURN = 10.0
+_BLOCKS_A_TURN, _FEWEST_BLOCKS = 10.0, 4.0
+"""Averages in a turn at working speed: usual number, and fewest."""
+_FEWEST_IN_A_BLOCK = 8.0
 _RUNS, _RUN_S = 4, 4.0
 """Number and length [s] of the runs in which torque is filtered over time."""
 
@@ -73,8 +75,13 @@ class Evidence:
         return replace(self, time_s=self.time_s[inside], torque_Nm=self.torque_Nm[inside])
 
     def in_blocks(self, whole_turns: bool = False) -> Evidence:
-        """Return a copy that is fitted by averages over a tenth of a turn, or a turn, at working speed."""
-        width = TURN / (1.0 if whole_turns else _BLOCKS_A_TURN) / abs(self.working_speed())
+        """Return a copy that is fitted by averages over a tenth of a turn, or a turn, at working speed.
+
+        Averages of few samples are wider, up to a quarter of a turn, since a step between two samples is uncertain.
+        """
+        turn = TURN / abs(self.working_speed())
+        samples = _FEWEST_IN_A_BLOCK * float(np.median(np.diff(self.time_s)))
+        width = turn if whole_turns else max(turn / _BLOCKS_A_TURN, min(samples, turn / _FEWEST_BLOCKS))
         return replace(self, block_s=width)
 
     def weighed(self, values: FloatArray, good: BoolArray) -> tuple[FloatArray, BoolArray]:
