@@ -20,13 +20,31 @@ from tests.ros.suite import RELIABLE, Program, running_suite
 PAGE = Path("docs/how_to/publish_your_encoder.md")
 
 
+PUBLISH = "        self.publisher.publish(message)\n"
+
+
+def driver_of_the_page(folder: Path) -> Path:
+    (code,) = (block.text for block in blocks(PAGE) if block.language == "python")
+    assert code.count("\n") < 50 and PUBLISH in code
+    file = folder / "encoder_driver.py"
+    file.write_text(code)
+    return file
+
+
+def test_the_driver_ends_well_when_a_signal_comes_before_it_publishes(tmp_path: Path) -> None:
+    file = driver_of_the_page(tmp_path)
+    file.write_text(file.read_text().replace(PUBLISH, "        time.sleep(0.05)\n" + PUBLISH))
+    with running_suite(tmp_path) as suite:
+        driver = Program([sys.executable, str(file)], tmp_path / "driver.log", suite.environment)
+        suite.processes.append(driver)
+        driver.wait_for_words("publishing")
+        assert driver.end() == 0 and "Traceback" not in driver.words()
+
+
 @pytest.mark.slow
 def test_the_driver_of_the_page_runs_a_twin(tmp_path: Path) -> None:
     """Each prediction has the stamp of one reading, stamps rise, and the speed is that of the page's shaft."""
-    (code,) = (block.text for block in blocks(PAGE) if block.language == "python")
-    assert code.count("\n") < 50
-    file = tmp_path / "encoder_driver.py"
-    file.write_text(code)
+    file = driver_of_the_page(tmp_path)
     with running_suite(tmp_path) as suite:
         read: dict[int, float] = {}
         predicted: list[int] = []
