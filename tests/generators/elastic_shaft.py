@@ -219,32 +219,41 @@ def _accelerations(angle, speed, motor, inertia, phases, stiffness, damping, for
 
 
 @numba.njit(cache=True)
+def _advance(start, step, rate, end):  # type: ignore[no-untyped-def]
+    """Write start + step * rate, by elements: expressions of whole arrays take three seconds to compile."""
+    for i in range(start.size):
+        end[i] = start[i] + step * rate[i]
+
+
+@numba.njit(cache=True)
 def _integrate(period, substeps, reference, drive, slip, inertia, phases, stiffness, damping, force, coulomb, tables):  # type: ignore[no-untyped-def]
     n, count, h = inertia.size, reference.size, period / substeps
     angle, speed = np.full(n, 0.05), np.full(n, reference[0])
     angles, speeds, motors = np.empty((count, n)), np.empty((count, n)), np.empty(count)
-    a1, a2, a3, a4 = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    place, a1, a2, a3, a4 = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    v2, v3, v4 = np.empty(n), np.empty(n), np.empty(n)
     for j in range(count):
-        angles[j], speeds[j] = angle, speed
+        _advance(angle, 0.0, angle, angles[j])
+        _advance(speed, 0.0, speed, speeds[j])
         motors[j] = drive[j] - slip * (speed[0] - reference[j])
         if j == count - 1:
             break
         for _ in range(substeps):
             t1 = drive[j] - slip * (speed[0] - reference[j])
             _accelerations(angle, speed, t1, inertia, phases, stiffness, damping, force, coulomb, tables, a1)
-            v2 = speed + 0.5 * h * a1
+            _advance(speed, 0.5 * h, a1, v2)
+            _advance(angle, 0.5 * h, speed, place)
             t2 = drive[j] - slip * (v2[0] - reference[j])
-            _accelerations(
-                angle + 0.5 * h * speed, v2, t2, inertia, phases, stiffness, damping, force, coulomb, tables, a2
-            )
-            v3 = speed + 0.5 * h * a2
+            _accelerations(place, v2, t2, inertia, phases, stiffness, damping, force, coulomb, tables, a2)
+            _advance(speed, 0.5 * h, a2, v3)
+            _advance(angle, 0.5 * h, v2, place)
             t3 = drive[j] - slip * (v3[0] - reference[j])
-            _accelerations(
-                angle + 0.5 * h * v2, v3, t3, inertia, phases, stiffness, damping, force, coulomb, tables, a3
-            )
-            v4 = speed + h * a3
+            _accelerations(place, v3, t3, inertia, phases, stiffness, damping, force, coulomb, tables, a3)
+            _advance(speed, h, a3, v4)
+            _advance(angle, h, v3, place)
             t4 = drive[j] - slip * (v4[0] - reference[j])
-            _accelerations(angle + h * v3, v4, t4, inertia, phases, stiffness, damping, force, coulomb, tables, a4)
-            angle = angle + h / 6.0 * (speed + 2.0 * v2 + 2.0 * v3 + v4)
-            speed = speed + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+            _accelerations(place, v4, t4, inertia, phases, stiffness, damping, force, coulomb, tables, a4)
+            for i in range(n):
+                angle[i] += h / 6.0 * (speed[i] + 2.0 * v2[i] + 2.0 * v3[i] + v4[i])
+                speed[i] += h / 6.0 * (a1[i] + 2.0 * a2[i] + 2.0 * a3[i] + a4[i])
     return angles, speeds, motors

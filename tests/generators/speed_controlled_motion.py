@@ -40,7 +40,7 @@ def speed_controlled_motion(
     return time, theta, omega, gain_Nms * (wanted - omega) + integral
 
 
-@numba.njit(error_model="numpy")  # type: ignore[untyped-decorator]
+@numba.njit(error_model="numpy", cache=True)  # type: ignore[untyped-decorator]
 def _integrated(tables: Floats, wanted: Floats, viscous_Nms: float, gain_Nms: float) -> Floats:
     """Angle, speed and integral part of the controller (n, 3) at every tenth time step."""
     theta, omega, integral = 0.3, wanted[0], 0.0

@@ -109,7 +109,8 @@ def _correct(x: np.ndarray, p: np.ndarray, z: float) -> tuple[float, float]:
 @numba.njit(cache=True)
 def _begin(h: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     x = np.array([z[0], (z[1] - z[0]) / h[0], 0.0])
-    p = np.diag(np.array([1e6, 1e6, 1e6]))
+    p = np.zeros((3, 3))
+    p[0, 0] = p[1, 1] = p[2, 2] = 1e6
     return x, p
 
 
@@ -130,8 +131,19 @@ def _deviance(h: np.ndarray, z: np.ndarray, q: float) -> tuple[float, float]:
     return used * np.log(variance) + logs, variance
 
 
-@numba.njit(cache=True)
 def _run(h: np.ndarray, z: np.ndarray, q: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    filtered, covariance, ahead, ahead_p = _filter(h, z, q)
+    zero, one = np.zeros_like(h), np.ones_like(h)
+    f = np.array([[one, h, 0.5 * h * h], [zero, one, h], [zero, zero, one]]).transpose(2, 0, 1)
+    gain = np.linalg.solve(ahead_p[1:], f @ covariance[:-1]).transpose(0, 2, 1).copy()
+    smooth, smooth_p = filtered.copy(), covariance.copy()
+    _smooth(gain, ahead, ahead_p, smooth, smooth_p)
+    return filtered, covariance, smooth, smooth_p
+
+
+@numba.njit(cache=True)
+def _filter(h: np.ndarray, z: np.ndarray, q: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return states and covariances after each reading, and those predicted before it."""
     n = z.size
     x, p = _begin(h, z)
     filtered, covariance = np.empty((n, 3)), np.empty((n, 3, 3))
@@ -139,14 +151,36 @@ def _run(h: np.ndarray, z: np.ndarray, q: float) -> tuple[np.ndarray, np.ndarray
     for i in range(n):
         if i > 0:
             _predict(x, p, h[i - 1], q)
-        ahead[i], ahead_p[i] = x, p
+        _store(x, p, ahead, ahead_p, i)
         _correct(x, p, z[i])
-        filtered[i], covariance[i] = x, p
-    smooth, smooth_p = filtered.copy(), covariance.copy()
-    for i in range(n - 2, -1, -1):
-        f = np.array([[1.0, h[i], 0.5 * h[i] * h[i]], [0.0, 1.0, h[i]], [0.0, 0.0, 1.0]])
-        gain = np.linalg.solve(ahead_p[i + 1], f @ covariance[i]).T.copy()
-        smooth[i] = filtered[i] + gain @ (smooth[i + 1] - ahead[i + 1])
-        more = gain @ (smooth_p[i + 1] - ahead_p[i + 1]) @ gain.T
-        smooth_p[i] = covariance[i] + 0.5 * (more + more.T)
-    return filtered, covariance, smooth, smooth_p
+        _store(x, p, filtered, covariance, i)
+    return filtered, covariance, ahead, ahead_p
+
+
+@numba.njit(cache=True)
+def _store(x: np.ndarray, p: np.ndarray, states: np.ndarray, covariances: np.ndarray, i: int) -> None:
+    for j in range(3):
+        states[i, j] = x[j]
+        for k in range(3):
+            covariances[i, j, k] = p[j, k]
+
+
+@numba.njit(cache=True)
+def _smooth(gain: np.ndarray, ahead: np.ndarray, ahead_p: np.ndarray, smooth: np.ndarray, smooth_p: np.ndarray) -> None:
+    """Turn filtered states and covariances into smoothed ones in place, from the last reading backwards.
+
+    Written out by elements, as products and copies of whole arrays take seven seconds to compile.
+    """
+    more = np.empty((3, 3))
+    for i in range(smooth.shape[0] - 2, -1, -1):
+        for j in range(3):
+            for k in range(3):
+                smooth[i, j] += gain[i, j, k] * (smooth[i + 1, k] - ahead[i + 1, k])
+                more[j, k] = 0.0
+                for a in range(3):
+                    for b in range(3):
+                        less = smooth_p[i + 1, a, b] - ahead_p[i + 1, a, b]
+                        more[j, k] += gain[i, j, a] * less * gain[i, k, b]
+        for j in range(3):
+            for k in range(3):
+                smooth_p[i, j, k] += 0.5 * (more[j, k] + more[k, j])
