@@ -5,7 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from textile_twin_core.arrays import FloatArray
+from textile_twin_core.comparison.shaft_track import ShaftTrack
+from textile_twin_core.dynamics import Body
 from textile_twin_core.inference import blocks
+from textile_twin_core.inference.measurement import Hypothesis, Measurement
+from textile_twin_core.inference.priors import WorkingPoint, parameters
+from textile_twin_core.inference.record import Record
+from textile_twin_core.inference.torque_model import TabulatedTorque
+from textile_twin_core.machine import Machine
+from textile_twin_core.mechanism import Crank
 
 WIDTH_S = 0.05
 
@@ -19,6 +28,33 @@ def test_the_mean_of_an_acceleration_is_a_second_difference_of_the_angle() -> No
     expected = (angle[:, 0] - 2.0 * angle[:, 1] + angle[:, 2]) / WIDTH_S**2
     assert np.flatnonzero(~whole).tolist() == [0, found.shape[0] - 1]  # half a triangle at either end
     assert found[whole, 0] == pytest.approx(expected[whole], abs=0.05)
+
+
+def test_the_torque_of_a_flywheel_is_right_where_a_load_steps_and_no_acceleration_is_known() -> None:
+    """Acceleration +-40 rad/s2 that changes sign every 0.1525 s, between two samples; the track has none at all."""
+    inertia, half = 2.0, 0.1525
+    time = np.arange(0.0, 4.0, 0.005)
+    along, there = np.mod(time, 2.0 * half), np.mod(time, 2.0 * half) < half
+    omega = 30.0 + 40.0 * np.where(there, along, 2.0 * half - along)
+
+    def theta(t: FloatArray) -> FloatArray:
+        cycle, rest = np.divmod(t, 2.0 * half)
+        back = np.maximum(rest - half, 0.0)
+        rising = 20.0 * np.minimum(rest, half) ** 2
+        return np.asarray(30.0 * t + cycle * 40.0 * half**2 + rising + 40.0 * half * back - 20.0 * back**2)
+
+    crank = Crank("crank", "O", "A", 0.05)
+    machine = Machine("rotor", {"O": (0.0, 0.0)}, (crank,), (Body.flywheel(inertia),))
+    known, slots = parameters(machine, WorkingPoint(80.0, 33.0, 0.01))
+    track = ShaftTrack(time, theta(time), omega, np.zeros_like(time), 0.05)
+    record = Record(time, np.zeros_like(time), track, 2.0, 33.0, 0.5, block_s=WIDTH_S)
+    m = Measurement(record, TabulatedTorque(machine, known, slots), known, 80.0)
+    found = m.expected(Hypothesis(1.0, 1.0), m.nominal)
+    averages, whole = m.means(found.torque_Nm[:, None], found.good)
+    nodes = WIDTH_S * np.arange(averages.shape[0])
+    expected = inertia * (theta(nodes + WIDTH_S) - 2.0 * theta(nodes) + theta(nodes - WIDTH_S)) / WIDTH_S**2
+    assert np.count_nonzero(whole) > 70
+    assert averages[whole, 0][1:-1] == pytest.approx(expected[whole][1:-1], abs=1e-6)
 
 
 def test_a_block_of_which_samples_are_missing_does_not_count() -> None:
