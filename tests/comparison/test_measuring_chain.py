@@ -125,6 +125,21 @@ def test_a_loom_whose_smooth_torque_hardly_shows_the_filter(torque: TorqueSensor
 
 
 @pytest.mark.slow
+@pytest.mark.campaign
+def test_a_low_pass_behind_an_amplifier_that_blocks_the_mean_keeps_its_order() -> None:
+    """Without the mean a Butterworth fits first; its values lead to the low pass of the first order."""
+    case = healthy("tufting", 41)
+    torque = replace(case.torque, delay_s=0.0029, low_pass_hz=11.9, low_pass_order=1, high_pass_hz=0.78)
+    found = judged(replace(case, torque=torque, backing=replace(case.backing, force_N=1230.0)))
+    named = {each.cause: each for each in found.verdict}
+    assert not {*NO_PART, "torque_gain", "force_law"} & set(named)
+    true = ("torque_low_pass", 1.0 / (2.0 * math.pi * 11.9)), ("torque_high_pass", 0.78), ("load_force", 1.23)
+    for cause, value in (*true, ("delay", 0.0029)):
+        assert named[cause].value == pytest.approx(value, abs=3.5 * named[cause].sigma), cause
+    assert named["torque_low_pass"].unit == "s"
+
+
+@pytest.mark.slow
 def test_a_filter_that_a_smooth_torque_hardly_tells_from_a_delay_is_said_beside_it() -> None:
     """A first order of 5 ms and 1 ms of delay, which a loom shows as 6 ms of delay."""
     torque = TorqueSensor(delay_s=0.0011, low_pass_hz=32.0, low_pass_order=1)

@@ -30,6 +30,7 @@ from textile_twin_core.inference.parameter import (
     OFFSET,
     ROTOR,
     SENSORS,
+    ZERO,
 )
 from textile_twin_core.inference.posterior import (
     IMPLAUSIBLE_NATS,
@@ -41,7 +42,7 @@ from textile_twin_core.inference.posterior import (
 )
 from textile_twin_core.inference.priors import WorkingPoint, parameters, uncertain_ripple
 from textile_twin_core.inference.record import MOST_SAMPLES, Record
-from textile_twin_core.inference.starts import RATIOS, hypotheses
+from textile_twin_core.inference.starts import GROUP_DELAY, RATIOS, hypotheses
 from textile_twin_core.inference.torque_model import TabulatedTorque
 from textile_twin_core.machine import Machine
 
@@ -129,7 +130,10 @@ def _chains(measurement: Measurement, configured: Hypothesis, fits: list[Fit]) -
     for fit in fits:
         h = fit.hypothesis
         if (h.turn, h.gain) == (configured.turn, configured.gain):
-            fit = replace(fit, x=np.append(fit.x, np.zeros(len(measurement.names) - fit.x.size)))
+            # without the filter gain, friction and forces are far off
+            x, k = measurement.nominal.copy(), [measurement.place[name] for name in (ZERO, DELAY)]
+            x[k] = fit.x[k]
+            fit = replace(fit, x=x)
             sensors = frozenset(p.name for p in measurement.parameters if p.name in SENSORS or p.kind == "force")
             begun = Posterior(measurement, configured, fit, Choice(sensors, -math.inf, ()), -math.inf, tuple(fits))
             found = _with_filters(begun, measurement)
@@ -176,9 +180,10 @@ def _with_filters(found: Posterior, measurement: Measurement) -> Posterior:
         if plain == found.off_nominal:
             hopeful, most = math.exp(-2.0 * EQUIVALENT_NATS * fit.inflation / max(fit.count, 1)), _FITTED_FILTERS
         likely = likely_filters(measurement.linearised(fit.x, plain), fit, hopeful)
-        start = fit.x
-        for name, value, late in likely[:most]:
+        starts = [(name, value, late, fit.x) for name, value, late in likely[:most]]
+        for name, value, late, start in starts:
             x = start.copy()
+            x[[measurement.place[each] for each in GROUP_DELAY if name in GROUP_DELAY]] = 0.0
             x[measurement.place[name]] = value
             x[measurement.place[DELAY]] += late
             hypothesis = replace(found.hypothesis, filters=found.hypothesis.filters | {name})
@@ -194,9 +199,14 @@ def _with_filters(found: Posterior, measurement: Measurement) -> Posterior:
                     scale=best.scale,
                     relinearise=True,
                 )
-            value = evidence_of(measurement, fit, off_nominal)
-            if best is None or value > log_evidence:
-                best, log_evidence = fit, value
+            tried = evidence_of(measurement, fit, off_nominal)
+            if best is not None and tried <= log_evidence:
+                continue
+            first = likely[0][0]
+            if name != first and {name, first} == set(GROUP_DELAY):  # the other order, about the values of this one
+                same = fit.x[measurement.place[name]] * GROUP_DELAY[name] / GROUP_DELAY[first]
+                starts.append((first, same, 0.0, fit.x))
+            best, log_evidence = fit, tried
         if best is None:
             break
         without = fit_like(measurement, found, best)
