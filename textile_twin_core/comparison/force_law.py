@@ -37,9 +37,8 @@ _SCALE = 0.02
 _TIED = 0.9
 """Correlation of the gain with that scale above which the two are not distinguishable."""
 _BETTER = 0.5
-"""Unexplained share of a law's first fit, over that of all departures together, that needs no search for departures."""
-_FILTERED = 0.7
-"""Mean square of the residual behind a filter of the torque sensor, over that without, that makes a law needless."""
+"""Mean square of the residual of a law's first fit, over that of all departures together, that needs no search for
+departures; of a filter of the torque sensor, over that without, that makes a law needless."""
 _LOG_ODDS = math.log(0.05)
 """Odds that a load's force depends on its measure: most do, and most hardly differ from a constant one."""
 
@@ -88,7 +87,7 @@ class ForceLaws:
         """
         if unsearched.measurement.record.block_s or self._judged(unsearched).unexplained < _TRIED:
             return None
-        if likely_filters(unsearched.measurement.on(self._runs), sensors, _FILTERED):
+        if likely_filters(unsearched.measurement.on(self._runs), sensors, _BETTER):
             return None
         for law in self._learn(unsearched, 1.0 - _BETTER * (1.0 - unsearched.explained)):
             p, fit = law.posterior, law.posterior.fit
