@@ -171,7 +171,7 @@ def record_of(
     """
     blocks = evidence.in_blocks(whole_turns=whole_turns) if averaged or whole_turns else evidence
     turning, motion = blocks.thinned(most), evidence.track
-    if blocks.block_s and evidence.excess_rad.size:
+    if blocks.block_s and speed_controlled and evidence.excess_rad.size:
         motion = near_readings(motion, evidence.excess_rad, _NEAR * blocks.block_s)
     return Record(
         turning.time_s,

@@ -45,8 +45,8 @@ def uncertain_ripple(track: ShaftTrack, excess_rad: FloatArray) -> Ripple:
 def near_readings(track: ShaftTrack, excess_rad: FloatArray, width_s: float) -> ShaftTrack:
     """Return a track whose angles have the mean excess of the readings within a width of time.
 
-    An estimate that lags where the motion changes, as its ripple in a run-up, gets that part back; the noise of the
-    readings stays small in averages wider than this.
+    Errors of an estimate repeat with the motion, as a ripple that lags in a run-up; those of readings do not, so they
+    give no false delay where the torque follows the speed. They stay small in averages wider than this.
     """
     known = np.isfinite(excess_rad)
     sums = np.concatenate([[0.0], np.cumsum(np.where(known, excess_rad, 0.0))])
