@@ -148,7 +148,8 @@ def likely_curve(
     filters = [(HIGH_PASS, BLOCKING_HZ, 0.0)]  # which leaves a fit without it no resemblance
     if found is not None:
         scanned = begun.m.on(runs).linearised(begun.fit.x, begun.off_nominal)
-        filters = likely_filters(scanned, begun.fit)[:_FILTERED]
+        likely = likely_filters(scanned, begun.fit)[:_FILTERED]
+        filters = [*likely, *(each for each in filters if each[0] not in {name for name, *_ in likely})]
     tried = [begun.filtered(machine, runs, *each) for each in filters]
     for law in sorted(tried, key=lambda each: each.fit.rms):
         if law.explained > least:
