@@ -154,21 +154,36 @@ def test_a_constant_force_is_no_law() -> None:
     assert {cause.cause for cause in found.verdict} == {"delay", "load_force", "unmodelled_friction"}
 
 
+STEP_NM = 0.5
+CHAINS: dict[str, tuple[dict[str, float], tuple[tuple[float, float], ...], set[str]]] = {
+    "low pass": ({"low_pass_hz": 38.8, "low_pass_order": 1}, (), {"torque_low_pass"}),
+    "blocked mean": ({"high_pass_hz": 0.6}, (), {"torque_high_pass"}),
+    "run-out": ({}, ((0.008, 0.006),), {"encoder_eccentricity"}),
+    "run-out twice a turn": ({}, ((0.0, 0.0), (0.005, 0.004)), {"encoder_eccentricity"}),
+    "steps": ({}, (), set()),
+}
+"""Settings of the torque sensor, run-out of the encoder [rad], and the causes that are right to name."""
+
+
 @pytest.mark.slow
-@pytest.mark.campaign
-def test_a_low_pass_of_the_torque_sensor_is_named_beside_the_law() -> None:
-    law = LAWS["pierce"]
+@pytest.mark.parametrize("chain", more(*CHAINS))
+def test_a_law_is_learned_beside_a_measuring_chain(chain: str) -> None:
+    law, (sensor, run_out, right) = LAWS["pierce"], CHAINS[chain]
     case = replace(case_of(law, 21, duration_s=DURATION_S), friction=FRICTION)
-    case = replace(case, torque=replace(case.torque, delay_s=DELAY_S, low_pass_hz=38.8, low_pass_order=1))
-    made = Made(case, record_law(law, case), configured_machine(case))
-    found = assess(made.readings, made.machine)
+    case = replace(case, torque=replace(case.torque, delay_s=DELAY_S, **sensor))  # type: ignore[arg-type]
+    case = replace(case, encoder=replace(case.encoder, run_out_rad=run_out))
+    recording = record_law(law, case)
+    if chain == "steps":
+        recording = replace(recording, torque=STEP_NM * np.rint(recording.torque / STEP_NM))
+    found = assess(Made(case, recording, configured_machine(case)).readings, configured_machine(case))
     named = {cause.cause: cause for cause in found.verdict}
-    assert set(named) == {"force_law", "torque_low_pass", "delay", "unmodelled_friction"}
-    low_pass = named["torque_low_pass"]
-    assert low_pass.value == pytest.approx(1.0 / (2.0 * np.pi * 38.8), abs=3.0 * low_pass.sigma)
-    assert named["delay"].value == pytest.approx(DELAY_S, abs=3.0 * named["delay"].sigma)
-    assert found.law is not None
+    # a blocked mean leaves no friction to see
+    assert right <= set(named) <= {"force_law", "delay", "unmodelled_friction", *right} and found.law is not None
     assert_curve("pierce", found.law.curve)
+    assert named["delay"].value == pytest.approx(DELAY_S, abs=3.0 * named["delay"].sigma)
+    if chain == "low pass":
+        low_pass = named["torque_low_pass"]
+        assert low_pass.value == pytest.approx(1.0 / (2.0 * np.pi * 38.8), abs=3.0 * low_pass.sigma)
 
 
 @pytest.fixture(scope="module")
