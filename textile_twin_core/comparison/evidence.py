@@ -33,7 +33,6 @@ class Evidence:
     encoder_turn_rad: shaft angle of one turn of the encoder.
     ripple: of the motion, and its uncertainty (see `uncertain_ripple`).
     predicted: torque of an elastic shaft; None for a rigid one.
-    excess_rad: encoder's readings less the track's angle, nan without a reading; empty for a toothed wheel.
     stuck: time [s] in which a stopped sensor repeated a torque, which is left out, and its values [N m].
     """
 
@@ -48,7 +47,6 @@ class Evidence:
     ripple: Ripple = field(default_factory=Ripple)
     predicted: LinearisedTorque | None = None
     stuck: tuple[float, FloatArray] = field(default_factory=lambda: (0.0, np.empty(0)))
-    excess_rad: FloatArray = field(default_factory=lambda: np.empty(0))
     slow_rad_s: float = field(init=False)
 
     def __post_init__(self) -> None:

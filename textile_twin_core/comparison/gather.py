@@ -8,10 +8,9 @@ import numpy as np
 
 from textile_twin_core.arrays import FloatArray
 from textile_twin_core.comparison.evidence import REST_SHARE, Evidence
-from textile_twin_core.comparison.motion_uncertainty import near_readings, uncertain_ripple
+from textile_twin_core.comparison.motion_uncertainty import uncertain_ripple
 from textile_twin_core.comparison.range_ends import at_range_ends
 from textile_twin_core.comparison.readings import FEWEST_TURNS, AngleUnit, Readings
-from textile_twin_core.comparison.repeating_motion import excess_of
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack, shaft_track
 from textile_twin_core.comparison.slips import parts_between, slips_of, without_turns
 from textile_twin_core.comparison.standstill import standstills
@@ -30,8 +29,6 @@ _LEAST_PART, _EQUAL = 0.25, 0.9
 from which an earlier part is as good."""
 _FEWEST_SETTLED = 6.0
 """Fewest turns of a part whose turn beside a slip is left out."""
-_NEAR = 0.5
-"""Share of the width of an average over which the track is moved to the readings."""
 
 
 def hypothesis_of(machine: Machine) -> Hypothesis:
@@ -61,6 +58,11 @@ def evidence_of(readings: Readings, track: ShaftTrack, origin_ns: int, encoder: 
         origin_ns: stamp of time 0. encoder: of the track. unit: of the logged angle.
     """
     encoder_turn = TURN * encoder.ratio
+    ripple = Ripple()
+    if not encoder.teeth:
+        time_of_angle: FloatArray = np.asarray((readings.angle_stamps_ns - origin_ns) * 1e-9, np.float64)
+        own = encoder.true_angle(readings.angle * unit.to_radians) * encoder.ratio
+        ripple = uncertain_ripple(track, time_of_angle, own, encoder_turn)
     stamps = readings.torque_stamps_ns
     good = np.isfinite(readings.torque)
     good[1:] &= stamps[1:] > np.maximum.accumulate(stamps)[:-1]
@@ -76,12 +78,6 @@ def evidence_of(readings: Readings, track: ShaftTrack, origin_ns: int, encoder: 
     beside = min(LONGEST_DELAY_S, 0.5 * TURN / fast) if fast > 0.0 else LONGEST_DELAY_S  # largest delay tried
     track = without_turns(track.between(time[0] - beside, time[-1] + beside), encoder_turn)
     track, slips = _unbroken(track)
-    ripple, excess = Ripple(), np.empty(0)
-    if not encoder.teeth:
-        time_of_angle: FloatArray = np.asarray((readings.angle_stamps_ns - origin_ns) * 1e-9, np.float64)
-        own = encoder.true_angle(readings.angle * unit.to_radians) * encoder.ratio
-        excess = excess_of(track, time_of_angle, own, encoder_turn)
-        ripple = uncertain_ripple(track, excess)
     # Drift and delay differ over the time in which the shaft turns; standstills may leave little of it.
     turning = track.time_s[np.abs(track.omega_rad_s) >= REST_SHARE * fast]
     middle = 0.5 * float(turning[0] + turning[-1]) if turning.size else 0.5 * float(time[0] + time[-1])
@@ -99,7 +95,6 @@ def evidence_of(readings: Readings, track: ShaftTrack, origin_ns: int, encoder: 
         encoder_turn_rad=encoder_turn,
         ripple=ripple,
         stuck=(stuck_s, np.unique(stuck_Nm)),
-        excess_rad=excess,
     )
 
 
@@ -170,13 +165,11 @@ def record_of(
         averaged: averages over a tenth of a turn.
     """
     blocks = evidence.in_blocks(whole_turns=whole_turns) if averaged or whole_turns else evidence
-    turning, motion = blocks.thinned(most), evidence.track
-    if blocks.block_s and speed_controlled and evidence.excess_rad.size:
-        motion = near_readings(motion, evidence.excess_rad, _NEAR * blocks.block_s)
+    turning = blocks.thinned(most)
     return Record(
         turning.time_s,
         turning.torque_Nm,
-        motion,
+        evidence.track,
         evidence.middle_s,
         evidence.working_speed(),
         evidence.slow_rad_s,

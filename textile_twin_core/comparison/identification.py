@@ -15,14 +15,13 @@ from textile_twin_core.comparison.assessment import Assessment, assess
 from textile_twin_core.comparison.calibration import calibration_refusal
 from textile_twin_core.comparison.cause import WRONG_FIRST
 from textile_twin_core.comparison.event_angle import event_angle
-from textile_twin_core.comparison.evidence import Evidence
 from textile_twin_core.comparison.gather import hypothesis_of, record_of
 from textile_twin_core.comparison.identifiable import NotIdentifiable, identifiable
 from textile_twin_core.comparison.identified_machine import Candidates
 from textile_twin_core.comparison.instrumented_fit import instrumented_fit
 from textile_twin_core.comparison.judged import Judged
 from textile_twin_core.comparison.readings import Readings
-from textile_twin_core.comparison.repeating_motion import repeating_motion
+from textile_twin_core.comparison.repeating_motion import excess_of, repeating_motion
 from textile_twin_core.comparison.result import plain
 from textile_twin_core.comparison.shaft_track import TURN, ShaftTrack
 from textile_twin_core.comparison.stage import Begin, unheard
@@ -154,7 +153,7 @@ def identify(readings: Readings, machine: Machine, begin: Begin = unheard) -> Id
     for name in set(candidates.public).intersection(m.names).difference(free):
         start[m.place[name]] = m.nominal[m.place[name]]
     samples = m.on(record_of(evidence, most=_ALL_SAMPLES))
-    clean = None if record.block_s else _clean_motion(machine, evidence)
+    clean = None if record.block_s else _clean_motion(readings, machine, found)
     smooth = {*free, *nuisance}.difference(candidates.planes)
     events = dict[str, Estimate]()
     if set(candidates.planes).intersection(free):
@@ -303,7 +302,11 @@ def _identifiable(
     return tuple(name for name in names if public[name] in kept), [*lost, *more]
 
 
-def _clean_motion(machine: Machine, evidence: Evidence) -> ShaftTrack:
+def _clean_motion(readings: Readings, machine: Machine, found: Judged) -> ShaftTrack:
     """Estimate the part of the motion that repeats or changes slowly, without the errors of single readings."""
-    excess = evidence.excess_rad if evidence.excess_rad.size else None
-    return repeating_motion(evidence.track, machine.sensors.encoder.cycle_turns, evidence.slow_rad_s, excess)
+    encoder, track = machine.sensors.encoder, found.evidence.track
+    excess = None
+    if not encoder.teeth:
+        time: FloatArray = np.asarray((readings.angle_stamps_ns - readings.angle_stamps_ns[0]) * 1e-9, np.float64)
+        excess = excess_of(track, time, encoder.true_angle(readings.angle) * encoder.ratio, TURN * encoder.ratio)
+    return repeating_motion(track, encoder.cycle_turns, found.evidence.slow_rad_s, excess)
