@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +17,7 @@ from textile_twin_core.comparison.shaft_track import ShaftTrack
 from textile_twin_core.inference.chain import torque_filter
 from textile_twin_core.inference.map_fit import Fit, map_fit
 from textile_twin_core.inference.measurement import Hypothesis, Measurement
-from textile_twin_core.inference.parameter import BUTTERWORTH, COULOMB, GAIN, HELD, HIGH_PASS, LOW_PASS, OFFSET
+from textile_twin_core.inference.parameter import BUTTERWORTH, COULOMB, DELAY, GAIN, HELD, HIGH_PASS, LOW_PASS, OFFSET
 from textile_twin_core.inference.priors import WorkingPoint, parameters
 from textile_twin_core.inference.record import Record, Standstill
 from textile_twin_core.inference.robust import rounding_bias
@@ -55,6 +56,17 @@ def test_readings_at_standstill_weigh_the_same_whether_the_inflation_is_known_or
     np.testing.assert_allclose(first.information, again.information, rtol=1e-12)
     np.testing.assert_allclose(first.gradient, again.gradient, rtol=1e-12, atol=1e-12 * np.abs(again.gradient).max())
     np.testing.assert_allclose(first.covariance, again.covariance, rtol=1e-9)
+
+
+def test_a_trial_in_which_no_sample_is_known_gives_no_warning() -> None:
+    m = measured()
+    x = m.nominal.copy()
+    x[m.place[DELAY]] = 1e3  # behind the end of the record
+    seen = m.expected(AS_CONFIGURED, x)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        error, scale = m.error(seen)
+    assert not seen.good.any() and error.shape == TIME.shape and 0.0 <= scale < 1e-200
 
 
 @pytest.mark.parametrize("noise", [0.05, 0.16, 0.4])

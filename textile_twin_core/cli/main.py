@@ -129,13 +129,13 @@ def _run(given: list[str]) -> int:
     if name not in COMMANDS:
         raise TwinError(f"no command '{name}'; {nearest(name, COMMANDS)}")
     command = import_module(module_of(name))
-    with _missing_glyphs_told():
+    with _missing_glyphs_reported():
         command.run(command.parser().parse_args(given[1:]))
     return 0
 
 
 @contextmanager
-def _missing_glyphs_told() -> Iterator[None]:
+def _missing_glyphs_reported() -> Iterator[None]:
     """Report the characters that the font of a picture lacks in one line, instead of matplotlib's warnings."""
     missing: dict[str, None] = {}
     with warnings.catch_warnings():

@@ -53,7 +53,7 @@ _CHANGES = 2
 """Estimates of a change in time: the first stands beside values that had to do without it."""
 _FEWEST_ANGLES = 64
 """Fewest angles beside torque that show the unit by themselves."""
-_MOST_TOLD = 3
+_MOST_LISTED = 3
 _WELL = 0.9
 """Share of the torque's variance, noise apart, from which no other unit of the angle is tried; with the noise, from
 which the other directions of a rigid shaft are not."""
@@ -351,7 +351,7 @@ def _notes(evidence: Evidence) -> tuple[str, ...]:
         ends = np.unique(evidence.at_ends_Nm)
         notes.append(range_end_note(evidence.at_ends_Nm.size, ends, "the verdict is"))
     if evidence.stuck[1].size:
-        seconds, values = evidence.stuck[0], " and ".join(f"{value:.4g}" for value in evidence.stuck[1][:_MOST_TOLD])
+        seconds, values = evidence.stuck[0], " and ".join(f"{value:.4g}" for value in evidence.stuck[1][:_MOST_LISTED])
         notes.append(
             f"the torque stays at {values} N m for {seconds:.1f} s while the shaft turns: a sensor or a driver that"
             " stopped; the verdict is without it"
@@ -371,8 +371,8 @@ def _notes(evidence: Evidence) -> tuple[str, ...]:
         )
     if evidence.slips:
         first, last = evidence.track.time_s[[0, -1]].tolist()
-        listed = ", ".join(f"{np.degrees(by):+.1f} deg at {at:.3f} s" for at, by in evidence.slips[:_MOST_TOLD])
-        more = f" and {len(evidence.slips) - _MOST_TOLD} times more" if len(evidence.slips) > _MOST_TOLD else ""
+        listed = ", ".join(f"{np.degrees(by):+.1f} deg at {at:.3f} s" for at, by in evidence.slips[:_MOST_LISTED])
+        more = f" and {len(evidence.slips) - _MOST_LISTED} times more" if len(evidence.slips) > _MOST_LISTED else ""
         notes.append(
             f"the shaft angle leaps as no shaft does, an encoder that slips or was reset: {listed}{more}, from the"
             f" first angle on; the verdict is of the part from {first:.2f} to {last:.2f} s alone"

@@ -19,6 +19,7 @@ REST_SHARE = 0.05
 _BLOCKS_A_TURN, _FEWEST_BLOCKS = 10.0, 4.0
 """Averages in a turn at working speed: usual number, and fewest."""
 _FEWEST_IN_A_BLOCK = 8.0
+"""Samples of an average, where a turn has enough."""
 _RUNS, _RUN_S = 4, 4.0
 """Number and length [s] of the runs in which torque is filtered over time."""
 

@@ -19,7 +19,7 @@ _ALONE = 1e-9
 """Share of the information in the other turns below which one turn alone determines a parameter."""
 _FEW = 3.0
 """Degrees of freedom below which turns may agree by chance."""
-_UNTOLD = 0.5
+_DETERMINED = 0.5
 """Share of a parameter's variance that the turns must determine."""
 _NORMAL95 = 1.959964
 _DRAWS = 400
@@ -190,7 +190,7 @@ def _by_turns(
         np.einsum("cti,ctj->cij", shared, shared) ** 2, axis=(1, 2)
     )
     degrees = np.maximum(trace**2 / np.maximum(squares, 1e-300), 1.0)
-    degrees[trace < _UNTOLD * np.sum(root**2, axis=1)] = np.nan
+    degrees[trace < _DETERMINED * np.sum(root**2, axis=1)] = np.nan
     return np.einsum("tij,tj->ti", adjust, scores), degrees
 
 

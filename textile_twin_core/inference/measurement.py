@@ -228,7 +228,8 @@ class Measurement:
         the angle: so its sums are second differences at the ends of a block, whatever is wrong with it at a step.
         """
         theta, omega, alpha, good = self.record.motion.at(time_s)
-        if self.record.block_s > 2.0 * self.apart_s and not hypothesis.filters:
+        fine = self.record.block_s and self.record.block_s > 2.0 * self.apart_s
+        if fine and not hypothesis.filters:
             (before, _, first, known), (after, _, last, beside) = (
                 self.record.motion.at(time_s + way * self.apart_s) for way in (-1.0, 1.0)
             )

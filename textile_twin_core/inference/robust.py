@@ -17,9 +17,9 @@ _NO_BIAS = 1e-3
 
 
 def robust_scale(residual: FloatArray) -> float:
-    """1.4826 times the median of |residual|, never quite zero."""
+    """1.4826 times the median of |residual|, never quite zero; of none, as of no error."""
     size = np.abs(residual)
-    return 1.4826 * float(np.median(size)) + 1e-12 * float(np.max(size, initial=0.0)) + 1e-300
+    return 1.4826 * (float(np.median(size)) if size.size else 0.0) + 1e-12 * float(np.max(size, initial=0.0)) + 1e-300
 
 
 def rms(values: FloatArray) -> float:
